@@ -1,0 +1,183 @@
+#include "mapping/local_mapper.h"
+
+#include <string>
+#include <unordered_set>
+
+#include "base/time.h"
+#include "mapping/correction.h"
+#include "mapping/map_initialization.h"
+#include "mapping/point_creation.h"
+#include "optimization/pose_optimization.h"
+
+namespace portolan {
+
+/// What the tracker saw, as far as it still exists: matches and, in the same order, what they are matches of.
+struct LocalMapper::TrackedLandmarks {
+  PoseMatches matches;
+  std::vector<std::pair<uint32_t, MapPointId>> sources;
+};
+
+LocalMapper::LocalMapper(const MapperOptions& options, MapId map, Epoch epoch, RobotId robot, uint32_t session, Publish publish)
+    : LocalMapper(options, Map(map, epoch), epoch, robot, session, std::move(publish)) {}
+
+LocalMapper::LocalMapper(const MapperOptions& options, Map map, Epoch epoch, RobotId robot, uint32_t session, Publish publish)
+    : options_(options),
+      map_(std::move(map)),
+      point_ids_(robot, session),
+      publish_(std::move(publish)),
+      probation_(options.pruning) {
+  map_.SetEpoch(epoch);
+}
+
+Status LocalMapper::Initialize(KeyFramePtr first, KeyFramePtr second, const KeyFrameMessage& message) {
+  if (!map_.keyframes().empty()) return Error{"map " + ToString(map_.id()) + " is initialised already"};
+  if (first->id == second->id) return Error{"map initialisation: both keyframes are " + ToString(first->id)};
+  const auto structure = ReconstructInitialStructure(*first, *second, message.initial_matches, options_.initialization);
+  if (!structure.ok()) return structure.error();
+  const KeyFrameId first_id = first->id, second_id = second->id;
+  map_.AddKeyFrame(std::move(first), Rigid3d(), KeyFrameId());
+  map_.AddKeyFrame(std::move(second), structure->second_from_first, first_id);
+  for (const InitialStructure::Point& point : structure->points) {
+    const MapPointId id = point_ids_.Next();
+    map_.AddPoint(id, point.position_in_first.cast<float>());
+    map_.AddObservation(id, first_id, point.first_feature);
+    map_.AddObservation(id, second_id, point.second_feature);
+  }
+  map_.RefreshDerived();
+  newest_ = second_id;
+  PublishChanges();
+  return Ok{};
+}
+
+Status LocalMapper::Process(KeyFramePtr data, const KeyFrameMessage& message, const MoreWorkWaits& more_work_waits,
+                            const std::atomic<bool>* stop) {
+  if (Status inserted = InsertKeyFrame(std::move(data), message); !inserted.ok()) return inserted;
+  PublishChanges();
+  DropFailedPoints();
+  ExtendMap(more_work_waits);
+  PublishChanges();
+  if (!more_work_waits()) {
+    FuseDuplicates();
+    PublishChanges();
+  }
+  if (!more_work_waits()) {
+    OptimizeLocally(stop);
+    PublishChanges();
+  }
+  Prune();
+  PublishChanges();
+  return Ok{};
+}
+
+LocalMapper::TrackedLandmarks LocalMapper::FindLandmarks(const KeyFrameData& data, const KeyFrameMessage& message) const {
+  TrackedLandmarks tracked;
+  std::vector<bool> feature_used(data.features.size());
+  std::unordered_set<MapPointId> point_used;
+  for (const auto& [feature, landmark] : message.landmarks) {
+    const MapPoint* point = map_.FindPoint(merged_points_.Follow(landmark));
+    if (point == nullptr || feature >= data.features.size() || feature_used[feature] || !point_used.insert(point->id).second) continue;
+    feature_used[feature] = true;
+    tracked.sources.emplace_back(feature, point->id);
+    tracked.matches.landmarks_in_map.push_back(point->position_in_map.cast<double>());
+    tracked.matches.pixels_px.push_back(data.features.pixels_px[feature].cast<double>());
+    tracked.matches.sigmas_px.push_back(data.pyramid.Scale(data.features.octaves[feature]));
+  }
+  return tracked;
+}
+
+Status LocalMapper::InsertKeyFrame(KeyFramePtr data, const KeyFrameMessage& message) {
+  const Stopwatch watch;
+  const KeyFrameId id = data->id;
+  const std::string name = "keyframe " + ToString(id);
+  if (map_.FindKeyFrame(id) != nullptr) return Error{name + " is in the map already"};
+  const KeyFrameId reference = removed_keyframes_.Follow(message.reference);
+  if (map_.FindKeyFrame(reference) == nullptr) return Error{name + ": its reference " + ToString(message.reference) + " is unknown"};
+  const TrackedLandmarks tracked = FindLandmarks(*data, message);
+  const PoseOptimizationResult refined = OptimizePose(data->camera, tracked.matches, message.camera_from_map);
+  if (refined.num_inliers < options_.min_landmarks) {
+    return Error{name + ": " + std::to_string(refined.num_inliers) + " of its " + std::to_string(message.landmarks.size()) +
+                 " landmarks are in the map and agree with it, expected at least " + std::to_string(options_.min_landmarks)};
+  }
+  map_.AddKeyFrame(std::move(data), refined.camera_from_map, reference);
+  for (size_t k = 0; k < tracked.sources.size(); ++k) {
+    if (refined.inliers[k]) map_.AddObservation(tracked.sources[k].second, id, tracked.sources[k].first);
+  }
+  const auto covisible = map_.CovisibleKeyFrames(id, 1, 1);
+  if (!covisible.empty()) map_.SetParent(id, covisible.front().first);
+  map_.RefreshDerived();
+  newest_ = id;
+  stage_times_.Add("insert", watch.Milliseconds());
+  return Ok{};
+}
+
+int LocalMapper::DropFailedPoints() {
+  const std::vector<MapPointId> failed = probation_.Judge(map_, newest_);
+  for (const MapPointId id : failed) map_.RemovePoint(id);
+  return static_cast<int>(failed.size());
+}
+
+int LocalMapper::ExtendMap(const MoreWorkWaits& more_work_waits) {
+  const Stopwatch watch;
+  int created = 0, searched = 0;
+  // The paper takes the closest keyframe alone; more of them find more points, and with wider baselines.
+  for (const auto& [neighbour, common] : map_.CovisibleKeyFrames(newest_, 1, static_cast<size_t>(options_.creation.neighbours))) {
+    if (searched++ >= options_.creation.min_neighbours && more_work_waits()) break;
+    const std::vector<MapPointId> points = CreatePoints(&map_, newest_, neighbour, options_.creation, &point_ids_);
+    probation_.Add(points);
+    created += static_cast<int>(points.size());
+  }
+  map_.RefreshDerived();
+  stage_times_.Add("extend", watch.Milliseconds());
+  return created;
+}
+
+FusionResult LocalMapper::FuseDuplicates() {
+  const Stopwatch watch;
+  FusionResult fused = FuseWithNeighbours(&map_, newest_, options_.fusion);
+  NoteMerges(fused.merges);
+  stage_times_.Add("fuse", watch.Milliseconds());
+  return fused;
+}
+
+LocalBundleResult LocalMapper::OptimizeLocally(const std::atomic<bool>* stop) {
+  const Stopwatch watch;
+  const LocalBundleResult result = OptimizeLocalWindow(&map_, newest_, options_.bundle, stop);
+  stage_times_.Add("local_ba", watch.Milliseconds());
+  return result;
+}
+
+std::vector<KeyFrameId> LocalMapper::Prune() {
+  const Stopwatch watch;
+  for (const MapPointId id : FindUnreliablePoints(map_, newest_, options_.pruning)) map_.RemovePoint(id);
+  std::vector<KeyFrameId> pruned;
+  for (const auto& [removed, parent] : PruneKeyFrames(&map_, newest_, options_.pruning)) {
+    removed_keyframes_.Note(removed, parent);
+    pruned.push_back(removed);
+  }
+  stage_times_.Add("prune", watch.Milliseconds());
+  return pruned;
+}
+
+void LocalMapper::PublishChanges() {
+  MapDelta delta = map_.TakeDelta();
+  if (!delta.IsEmpty()) publish_(std::move(delta));
+}
+
+void LocalMapper::PublishSnapshot() {
+  PublishChanges();
+  publish_(map_.Snapshot());
+}
+
+Status LocalMapper::ApplyCorrection(const MapCorrection& correction) {
+  const auto merges = ApplyMapCorrection(correction, &map_);
+  if (!merges.ok()) return merges.error();
+  NoteMerges(merges.value());
+  PublishChanges();
+  return Ok{};
+}
+
+void LocalMapper::NoteMerges(const std::vector<std::pair<MapPointId, MapPointId>>& merges) {
+  for (const auto& [from, into] : merges) merged_points_.Note(from, into);
+}
+
+}  // namespace portolan

@@ -1,0 +1,187 @@
+#include "mapping/local_mapper.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <map>
+
+#include "geometry/sim3_alignment.h"
+#include "mapping/mapping_test_scene.h"
+
+namespace portolan {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+const auto kNoMoreWork = [] { return false; };
+
+/// A mapper on a noisy scene, fed by a tracker that finds all landmarks, with a replica that follows its deltas.
+class Mapper : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    TestSceneOptions options;
+    options.num_points = 900;
+    options.pixel_sigma = 0.3;
+    options.flipped_bits = 15;
+    options.clutter = 100;
+    scene_ = std::make_unique<TestScene>(options);
+    views_ = SeeAlongPath(scene_.get(), 10, 0.4);
+    for (const TestView& view : views_) data_[view.data->id] = view.data;
+    mapper_ = std::make_unique<LocalMapper>(MapperOptions(), kMap, 5, RobotId{1}, 3, [this](MapDelta delta) { Follow(delta); });
+  }
+  void Follow(const MapDelta& delta) {
+    ++deltas_;
+    const Status applied = replica_.Apply(delta, [this](KeyFrameId id) { return data_.at(id); });
+    ASSERT_TRUE(applied.ok()) << applied.error().message;
+    EXPECT_EQ(HashMap(replica_), HashMap(mapper_->map()));
+    EXPECT_THAT(ValidateMap(replica_), IsEmpty());
+  }
+  Status Initialize() {
+    KeyFrameMessage message;
+    message.kind = KeyFrameKind::kInitialSecond;
+    message.initial_matches = TrueMatches(views_[0], views_[3]);
+    return mapper_->Initialize(views_[0].data, views_[3].data, message);
+  }
+  /// The pose that the tracker would find, from the landmarks: in the map's frame and scale, a bit off.
+  KeyFrameMessage Track(const TestView& view) {
+    KeyFrameMessage message = TrackedMessage(mapper_->map(), view, views_);
+    message.camera_from_map = TransformPose(view.camera_from_map, MapFromWorld());
+    message.camera_from_map.translation += Eigen::Vector3d(0.002, -0.002, 0.001);
+    return message;
+  }
+  Sim3d MapFromWorld() const {
+    std::vector<Eigen::Vector3d> world, map;
+    for (const MapPointId id : mapper_->map().SortedPointIds()) {
+      const MapPoint& point = mapper_->map().point(id);
+      const int truth = TruePointOf(point, views_);
+      if (truth < 0) continue;
+      world.push_back(scene_->points_in_map()[static_cast<size_t>(truth)]);
+      map.push_back(point.position_in_map.cast<double>());
+    }
+    return *AlignPoints(world, map);
+  }
+  void RunAll() {
+    ASSERT_TRUE(Initialize().ok());
+    for (const size_t k : {1, 2, 4, 5, 6, 7, 8, 9}) {
+      const Status processed = mapper_->Process(views_[k].data, Track(views_[k]), kNoMoreWork, nullptr);
+      ASSERT_TRUE(processed.ok()) << processed.error().message;
+    }
+  }
+
+  const MapId kMap{1, 1, 1};
+  std::unique_ptr<TestScene> scene_;
+  std::vector<TestView> views_;
+  std::map<KeyFrameId, std::shared_ptr<const KeyFrameData>> data_;
+  std::unique_ptr<LocalMapper> mapper_;
+  Map replica_{kMap};
+  int deltas_ = 0;
+};
+
+TEST_F(Mapper, BuildsAnAccurateMapThatReplicasFollow) {
+  RunAll();
+  EXPECT_GT(deltas_, 9);
+  EXPECT_EQ(HashMap(replica_), HashMap(mapper_->map()));
+  EXPECT_EQ(replica_.epoch(), 5u);
+  EXPECT_THAT(ValidateMap(mapper_->map()), IsEmpty());
+  EXPECT_GT(mapper_->map().points().size(), 300u);
+  const Sim3d map_from_world = MapFromWorld();
+  for (const auto& [id, keyframe] : mapper_->map().keyframes()) {
+    const TestView& view = views_[id.sequence() - 1];
+    const Eigen::Vector3d error = keyframe.camera_from_map.TargetOriginInSource() -
+                                  map_from_world * view.camera_from_map.TargetOriginInSource();
+    // A feature's sigma at depth 7 and octave 5 is 0.3 * 2.5 / 500 * 7 = 0.01 world units; a pose, from over 100 of them on points about
+    // as uncertain, is not worse than five of these.
+    EXPECT_LT(error.norm() / map_from_world.scale, 0.05);
+  }
+}
+
+TEST_F(Mapper, TheSameInputGivesTheSameMap) {
+  RunAll();
+  const uint64_t first = HashMap(mapper_->map());
+  SetUp();
+  replica_ = Map(kMap);
+  RunAll();
+  EXPECT_EQ(HashMap(mapper_->map()), first);
+}
+
+TEST_F(Mapper, ARefusedPairLeavesTheMapEmpty) {
+  KeyFrameMessage message;
+  EXPECT_FALSE(mapper_->Initialize(views_[0].data, views_[3].data, message).ok());
+  EXPECT_TRUE(mapper_->map().keyframes().empty());
+  EXPECT_EQ(deltas_, 0);
+  EXPECT_TRUE(Initialize().ok()) << "and the next one may come";
+  EXPECT_FALSE(Initialize().ok()) << "but not twice";
+}
+
+TEST_F(Mapper, RefusesKeyFramesThatDoNotFit) {
+  ASSERT_TRUE(Initialize().ok());
+  const uint64_t before = HashMap(mapper_->map());
+  const auto refuses = [&](size_t view, const KeyFrameMessage& message, const std::string& because) {
+    const Status status = mapper_->Process(views_[view].data, message, kNoMoreWork, nullptr);
+    ASSERT_FALSE(status.ok()) << because;
+    EXPECT_THAT(status.error().message, HasSubstr(because));
+    EXPECT_EQ(HashMap(mapper_->map()), before);
+  };
+  KeyFrameMessage message = Track(views_[1]);
+  refuses(0, message, "already");
+  message.reference = KeyFrameId(6, 6, 6);
+  refuses(1, message, "reference 6.");
+  message = Track(views_[1]);
+  message.landmarks.resize(5);
+  refuses(1, message, "landmarks");
+  message = Track(views_[1]);
+  for (auto& [feature, landmark] : message.landmarks) landmark = MapPointId(6, 6, 6);
+  refuses(1, message, "landmarks");
+}
+
+TEST_F(Mapper, BusyOnlyInsertsAndExtends) {
+  ASSERT_TRUE(Initialize().ok());
+  ASSERT_TRUE(mapper_->Process(views_[4].data, Track(views_[4]), [] { return true; }, nullptr).ok());
+  EXPECT_EQ(mapper_->stage_times().samples().count("local_ba"), 0u);
+  EXPECT_EQ(mapper_->stage_times().samples().count("fuse"), 0u);
+  EXPECT_EQ(mapper_->stage_times().samples().at("extend").size(), 1u);
+}
+
+TEST_F(Mapper, TheTrackersPoseIsBroughtUpToTheMap) {
+  ASSERT_TRUE(Initialize().ok());
+  KeyFrameMessage message = Track(views_[4]);
+  const Rigid3d expected = TransformPose(views_[4].camera_from_map, MapFromWorld());
+  message.camera_from_map.translation += Eigen::Vector3d(0.02, 0.02, 0);
+  ASSERT_TRUE(mapper_->InsertKeyFrame(views_[4].data, message).ok());
+  const Rigid3d inserted = mapper_->map().keyframe(views_[4].data->id).camera_from_map;
+  EXPECT_LT((inserted.TargetOriginInSource() - expected.TargetOriginInSource()).norm(), 0.01);
+}
+
+TEST_F(Mapper, ANewOwnerGoesOn) {
+  RunAll();
+  LocalMapper successor(MapperOptions(), replica_, 6, RobotId{2}, 9, [this](MapDelta delta) { Follow(delta); });
+  const TestView next = scene_->See(CameraAt({3.8, 0, 0}));
+  views_.push_back(next);
+  data_[next.data->id] = next.data;
+  const KeyFrameMessage message = Track(next);
+  mapper_ = std::make_unique<LocalMapper>(std::move(successor));
+  mapper_->PublishSnapshot();
+  ASSERT_TRUE(mapper_->Process(next.data, message, kNoMoreWork, nullptr).ok());
+  EXPECT_EQ(replica_.epoch(), 6u);
+}
+
+TEST_F(Mapper, AppliesACorrectionAndPublishesIt) {
+  RunAll();
+  MapCorrection correction;
+  correction.map = kMap;
+  correction.epoch = 5;
+  correction.made_from_revision = mapper_->map().revision();
+  const Sim3d new_from_old(2.0, ExpSO3({0, 0.1, 0}), {1, 0, 0});
+  for (const auto& [id, keyframe] : mapper_->map().keyframes()) {
+    correction.keyframes.push_back({id, Sim3d(keyframe.camera_from_map) * new_from_old.Inverse()});
+  }
+  const uint64_t before = HashMap(replica_);
+  ASSERT_TRUE(mapper_->ApplyCorrection(correction).ok());
+  EXPECT_NE(HashMap(replica_), before);
+  correction.epoch = 4;
+  EXPECT_FALSE(mapper_->ApplyCorrection(correction).ok());
+}
+
+}  // namespace
+}  // namespace portolan

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "base/result.h"
+#include "geometry/rigid3.h"
+#include "map/keyframe.h"
+#include "mapping/mapper_options.h"
+
+namespace portolan {
+
+/// The first structure of a map, in the frame of the first camera; the median depth of its points there is 1.
+struct InitialStructure {
+  struct Point {
+    Eigen::Vector3d position_in_first;
+    uint32_t first_feature = 0, second_feature = 0;
+  };
+  Rigid3d second_from_first;
+  std::vector<Point> points;
+};
+
+/// Second to last step of map initialisation (paper Sec. 4.1): fundamental matrix or homography in RANSAC, motion, triangulation, BA.
+/// BA runs twice, the second time without the outliers of the first. Scale is free in it (the first pose alone is fixed; the solver's
+/// damping holds the seventh freedom) and set afterwards.
+/// @param matches (feature of first, feature of second).
+/// Fails with the reason when a feature does not exist, the two views are refused (ReconstructTwoViews) or fewer than
+/// options.min_points points survive BA. Deterministic for options.two_view.seed.
+Result<InitialStructure> ReconstructInitialStructure(const KeyFrameData& first, const KeyFrameData& second,
+                                                     const std::vector<std::pair<uint32_t, uint32_t>>& matches,
+                                                     const InitializationOptions& options);
+
+}  // namespace portolan

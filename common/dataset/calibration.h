@@ -1,0 +1,18 @@
+#pragma once
+
+#include <string>
+
+#include "base/result.h"
+#include "geometry/camera_model.h"
+
+namespace portolan {
+
+/// Reads a camera calibration, telling the form by its content: Portolan's own YAML (model: pinhole | fisheye, width,
+/// height, fx, fy, cx, cy, distortion, fps), EuRoC sensor.yaml, KITTI calib.txt (P0), ROS camera_info YAML, ORB-SLAM
+/// style YAML (Camera.fx, Camera1.fx, ...). Fails, naming the file, the key (and line) and what was expected: a
+/// missing, unknown or repeated key, a value that is not finite, a focal length that is not positive. Unknown keys are
+/// refused in Portolan's own form only: the others' files hold more than a camera. KITTI's and ORB-SLAM's older form
+/// have no image size: width and height come back 0 and the source fills them in from the first image.
+Result<CameraModel> ReadCalibration(const std::string& path);
+
+}  // namespace portolan

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
+#include "geometry/rigid3.h"
+
+namespace portolan {
+
+/// A similarity of 3D space (paper Eq. 12): x_in_b = scale * rotation * x_in_a + translation, named b_from_a.
+struct Sim3d {
+  double scale = 1.0;  ///< positive
+  Eigen::Quaterniond rotation = Eigen::Quaterniond::Identity();
+  Eigen::Vector3d translation = Eigen::Vector3d::Zero();
+
+  Sim3d() = default;
+  Sim3d(double s, const Eigen::Quaterniond& r, const Eigen::Vector3d& t) : scale(s), rotation(r), translation(t) {}
+  explicit Sim3d(const Rigid3d& rigid) : rotation(rigid.rotation), translation(rigid.translation) {}
+
+  Eigen::Vector3d operator*(const Eigen::Vector3d& point) const { return scale * (rotation * point) + translation; }
+  Sim3d operator*(const Sim3d& other) const {
+    return Sim3d(scale * other.scale, (rotation * other.rotation).normalized(),
+                 scale * (rotation * other.translation) + translation);
+  }
+  Sim3d Inverse() const {
+    const Eigen::Quaterniond inverse = rotation.conjugate();
+    return Sim3d(1.0 / scale, inverse, -(inverse * translation) / scale);
+  }
+};
+
+/// camera_from_b of a camera whose pose was camera_from_a, with b_from_a a similarity between maps: the camera stays
+/// where it is in the scene and lengths change to b's units. Rigid: [R t/s] (paper Eq. 13).
+Rigid3d TransformPose(const Rigid3d& camera_from_a, const Sim3d& b_from_a);
+
+}  // namespace portolan

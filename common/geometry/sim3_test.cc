@@ -1,0 +1,76 @@
+#include "geometry/sim3.h"
+
+#include <gtest/gtest.h>
+
+#include "geometry/geometry_test_utils.h"
+
+namespace portolan {
+namespace {
+
+constexpr double kExact = 1e-10;
+constexpr int kTrials = 50;
+
+TEST(Sim3dTest, InverseCancels) {
+  Random random(1);
+  for (int i = 0; i < kTrials; ++i) {
+    const Sim3d b_from_a = RandomSim3(&random);
+    const Eigen::Vector3d in_a = RandomVector(&random);
+    EXPECT_THAT(b_from_a.Inverse() * (b_from_a * in_a), VectorNear(in_a, kExact));
+    EXPECT_NEAR((b_from_a * b_from_a.Inverse()).scale, 1, kExact);
+  }
+}
+
+TEST(Sim3dTest, CompositionActsLikeOneAfterTheOther) {
+  Random random(2);
+  for (int i = 0; i < kTrials; ++i) {
+    const Sim3d c_from_b = RandomSim3(&random), b_from_a = RandomSim3(&random);
+    const Eigen::Vector3d in_a = RandomVector(&random);
+    EXPECT_THAT((c_from_b * b_from_a) * in_a, VectorNear(Eigen::Vector3d(c_from_b * (b_from_a * in_a)), kExact));
+    EXPECT_NEAR((c_from_b * b_from_a).scale, c_from_b.scale * b_from_a.scale, kExact);
+  }
+}
+
+TEST(Sim3dTest, OfARigidMotionActsLikeIt) {
+  Random random(3);
+  const Rigid3d b_from_a = RandomRigid(&random);
+  const Eigen::Vector3d in_a = RandomVector(&random);
+  EXPECT_THAT(Sim3d(b_from_a) * in_a, VectorNear(Eigen::Vector3d(b_from_a * in_a), kExact));
+}
+
+TEST(Sim3dTest, LengthsGrowByTheScale) {
+  Random random(4);
+  const Sim3d b_from_a = RandomSim3(&random);
+  const Eigen::Vector3d p = RandomVector(&random), q = RandomVector(&random);
+  EXPECT_NEAR((b_from_a * p - b_from_a * q).norm(), b_from_a.scale * (p - q).norm(), kExact);
+}
+
+TEST(TransformPoseTest, CameraSeesTheTransformedPointsAtTheSamePixels) {
+  Random random(5);
+  for (int i = 0; i < kTrials; ++i) {
+    const Rigid3d camera_from_a = RandomRigid(&random);
+    const Sim3d b_from_a = RandomSim3(&random);
+    const Rigid3d camera_from_b = TransformPose(camera_from_a, b_from_a);
+    const Eigen::Vector3d in_a = RandomVector(&random);
+    const Eigen::Vector3d expected = b_from_a.scale * (camera_from_a * in_a);  // the same ray; lengths in units of b
+    EXPECT_THAT(camera_from_b * (b_from_a * in_a), VectorNear(expected, kExact));
+  }
+}
+
+TEST(TransformPoseTest, CentreMovesLikeAPoint) {
+  Random random(6);
+  const Rigid3d camera_from_a = RandomRigid(&random);
+  const Sim3d b_from_a = RandomSim3(&random);
+  const Eigen::Vector3d expected = b_from_a * camera_from_a.TargetOriginInSource();
+  EXPECT_THAT(TransformPose(camera_from_a, b_from_a).TargetOriginInSource(), VectorNear(expected, kExact));
+}
+
+TEST(TransformPoseTest, ComposesOverMaps) {
+  Random random(7);
+  const Rigid3d camera_from_a = RandomRigid(&random);
+  const Sim3d b_from_a = RandomSim3(&random), c_from_b = RandomSim3(&random);
+  EXPECT_THAT(TransformPose(TransformPose(camera_from_a, b_from_a), c_from_b),
+              RigidNear(TransformPose(camera_from_a, c_from_b * b_from_a), 1e-7));
+}
+
+}  // namespace
+}  // namespace portolan

@@ -1,0 +1,247 @@
+#include "geometry/two_view.h"
+
+#include <Eigen/LU>
+#include <Eigen/SVD>
+#include <algorithm>
+#include <cmath>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/core/eigen.hpp>
+#include <sstream>
+
+#include "base/statistics.h"
+#include "geometry/epipolar_refinement.h"
+#include "geometry/triangulation.h"
+
+namespace portolan {
+namespace {
+
+constexpr double kChi2 = 3.84;  // 95 % of a chi-square with 1 degree of freedom: distance from the epipolar constraint
+constexpr double kSignificance =
+    3;  // standard deviations of parallax from which on a match says what lies behind a camera
+constexpr double kRefineShare = 0.5;  // motions with less of the best one's score are not worth refining
+/// Of the points that agree with the motion, the share that must have parallax: a rotating camera shows a few by
+/// chance.
+constexpr double kMinParallaxShare = 0.2;
+/// Of all matches, the share that must agree with the motion: what random matches reach by chance is well below.
+constexpr double kMinAgreeingShare = 0.4;
+/// Two refined motions this close are one: bundle adjustment will settle the rest, where a true rival is tens of
+/// degrees away.
+constexpr double kSameRotation = 1 * M_PI / 180, kSameDirection = 5 * M_PI / 180;
+
+/// The matches with what every check of a motion needs.
+struct CalibratedMatches {
+  CalibratedMatches(const PixelMatches& matches, const PinholeCamera& first, const PinholeCamera& second,
+                    const TwoViewOptions& o)
+      : pixels(matches), first_camera(first), second_camera(second), options(o) {
+    for (const Eigen::Vector2d& p : matches.first_px) first_xy.push_back(first.Normalize(p));
+    for (const Eigen::Vector2d& p : matches.second_px) second_xy.push_back(second.Normalize(p));
+    const double mean_focal_length = 0.25 * (first.fx + first.fy + second.fx + second.fy);
+    sigma_xy = options.sigma_px / mean_focal_length;
+    max_parallax_cosine = std::cos(options.min_parallax_deg * M_PI / 180);
+    max_sign_cosine = std::cos(kSignificance * M_SQRT2 * sigma_xy);
+  }
+  size_t size() const { return first_xy.size(); }
+
+  const PixelMatches& pixels;
+  const PinholeCamera &first_camera, &second_camera;
+  const TwoViewOptions& options;
+  std::vector<Eigen::Vector2d> first_xy, second_xy;
+  double sigma_xy;             // of a feature, on the plane z = 1
+  double max_parallax_cosine;  // of a point of the map
+  double max_sign_cosine;      // of a match whose depths have a sign
+};
+
+/// Whether the rays of a match meet in front of both cameras, or have too little parallax to tell.
+bool MayBeInFront(const Eigen::Vector3d& first_ray, const Eigen::Vector3d& second_ray,
+                  const Eigen::Vector3d& translation, double max_sign_cosine) {
+  const double ff = first_ray.squaredNorm(), ss = second_ray.squaredNorm(), fs = first_ray.dot(second_ray);
+  if (fs > 0 && fs * fs > max_sign_cosine * max_sign_cosine * ff * ss) return true;
+  // Least squares of first_depth * first_ray + translation = second_depth * second_ray; only the signs matter.
+  const double ft = first_ray.dot(translation), st = second_ray.dot(translation);
+  return fs * st - ss * ft > 0 && ff * st - fs * ft > 0;
+}
+
+/// How well a motion explains the matches: sum of chi2 threshold minus squared Sampson distance in sigma^2, where
+/// positive and not behind a camera. Matches of little parallax count like all others: a wrong motion often invents
+/// parallax.
+double ScoreMotion(const CalibratedMatches& m, const Rigid3d& motion) {
+  const Eigen::Matrix3d rotation = motion.rotation.toRotationMatrix();
+  const Eigen::Matrix3d essential = Skew(motion.translation) * rotation;
+  const double inverse_variance = 1 / (m.sigma_xy * m.sigma_xy);
+  double score = 0;
+  for (size_t i = 0; i < m.size(); ++i) {
+    const Eigen::Vector3d x1 = m.first_xy[i].homogeneous(), x2 = m.second_xy[i].homogeneous();
+    const Eigen::Vector3d line2 = essential * x1;
+    const Eigen::Vector2d line1 = essential.leftCols<2>().transpose() * x2;
+    const double product = x2.dot(line2);
+    const double error2 = product * product / (line1.squaredNorm() + line2.head<2>().squaredNorm()) * inverse_variance;
+    if (error2 < kChi2 && MayBeInFront(rotation * x1, x2, motion.translation, m.max_sign_cosine))
+      score += kChi2 - error2;
+  }
+  return score;
+}
+
+struct Candidate {
+  Rigid3d motion;
+  bool from_homography = false;
+  double score = 0;
+};
+
+bool IsSameMotion(const Rigid3d& a, const Rigid3d& b) {
+  return a.rotation.angularDistance(b.rotation) < kSameRotation &&
+         a.translation.dot(b.translation) > std::cos(kSameDirection);
+}
+
+/// Refines the motions worth it, and returns those best first.
+std::vector<Candidate> RankMotions(const CalibratedMatches& m, std::vector<Candidate> candidates) {
+  double most = 0;
+  for (Candidate& candidate : candidates) {
+    candidate.score = ScoreMotion(m, candidate.motion);
+    most = std::max(most, candidate.score);
+  }
+  std::vector<Candidate> ranked;
+  for (Candidate& candidate : candidates) {
+    if (candidate.score == 0 || candidate.score < kRefineShare * most) continue;
+    candidate.motion = RefineMotion(candidate.motion, m.first_xy, m.second_xy, std::sqrt(kChi2) * m.sigma_xy);
+    candidate.score = ScoreMotion(m, candidate.motion);
+    ranked.push_back(candidate);
+  }
+  std::stable_sort(ranked.begin(), ranked.end(),
+                   [](const Candidate& a, const Candidate& b) { return a.score > b.score; });
+  return ranked;
+}
+
+/// The best motion that differs from the first and explains the matches nearly as well, or null.
+const Candidate* FindRival(const std::vector<Candidate>& ranked, double ambiguity_ratio) {
+  const auto is_rival = [&](const Candidate& other) {
+    return other.score > ambiguity_ratio * ranked[0].score && !IsSameMotion(other.motion, ranked[0].motion);
+  };
+  const auto rival = std::find_if(ranked.begin() + 1, ranked.end(), is_rival);
+  return rival == ranked.end() ? nullptr : &*rival;
+}
+
+/// Triangulates all matches by the chosen motion: optimal correction (paper Eq. 10), DLT (paper Eq. 11), and the
+/// checks.
+/// @return how many points agree with the motion, with or without enough parallax.
+int Triangulate(const CalibratedMatches& m, TwoViewReconstruction* result) {
+  const Rigid3d& motion = result->second_from_first;
+  const Eigen::Matrix3d fundamental = FundamentalFromMotion(motion, m.first_camera, m.second_camera);
+  const Eigen::Vector3d second_centre = motion.TargetOriginInSource();
+  result->valid.assign(m.size(), false);
+  result->points_in_first.assign(m.size(), Eigen::Vector3d::Zero());
+  std::vector<double> parallaxes_deg;
+  for (size_t i = 0; i < m.size(); ++i) {
+    const auto [first_px, second_px] = CorrectMatch(fundamental, m.pixels.first_px[i], m.pixels.second_px[i]);
+    if ((first_px - m.pixels.first_px[i]).squaredNorm() + (second_px - m.pixels.second_px[i]).squaredNorm() >
+        kChi2 * m.options.sigma_px * m.options.sigma_px) {
+      continue;
+    }
+    const auto point =
+        TriangulateDlt(Rigid3d(), motion, m.first_camera.Normalize(first_px), m.second_camera.Normalize(second_px));
+    if (!point) continue;
+    const double parallax_cosine = ParallaxCosine(Eigen::Vector3d::Zero(), second_centre, *point);
+    const bool has_parallax = parallax_cosine < m.max_parallax_cosine;
+    const bool in_front = point->z() > 0 && (motion * *point).z() > 0;
+    if (has_parallax && !in_front) continue;
+    parallaxes_deg.push_back(std::acos(std::clamp(std::abs(parallax_cosine), 0.0, 1.0)) * 180 / M_PI);
+    result->points_in_first[i] = *point;
+    result->valid[i] = has_parallax;
+  }
+  result->median_parallax_deg = Quantile(parallaxes_deg, 0.5);
+  return static_cast<int>(parallaxes_deg.size());
+}
+
+/// The motions of the fundamental matrix (paper Eq. 9) and of the homography, or of the homography alone where it
+/// explains the pair.
+std::vector<Candidate> CandidateMotions(const CalibratedMatches& m, const TwoViewModel& fundamental) {
+  const Eigen::Matrix3d K1 = m.first_camera.K(), K2 = m.second_camera.K();
+  const Result<TwoViewModel> homography = EstimateHomography(m.pixels, m.options);
+  std::vector<Candidate> candidates;
+  if (homography) {
+    const Eigen::Matrix3d in_first_pixels = K1 * K2.inverse() * homography->second_from_first;
+    for (const Rigid3d& motion : DecomposeHomography(in_first_pixels, m.first_camera))
+      candidates.push_back({motion, true});
+  }
+  for (const Rigid3d& motion : DecomposeEssential(K2.transpose() * fundamental.second_from_first * K1)) {
+    candidates.push_back({motion, false});
+  }
+  return candidates;
+}
+
+template <class... Parts>
+Error Refused(const Parts&... parts) {
+  std::ostringstream text;
+  text << "two views: ";
+  (text << ... << parts);
+  return Error{text.str()};
+}
+
+}  // namespace
+
+std::vector<Rigid3d> DecomposeEssential(const Eigen::Matrix3d& second_from_first_essential) {
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(second_from_first_essential, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Eigen::Matrix3d U = svd.matrixU(), V = svd.matrixV();
+  if (U.determinant() < 0) U = -U;
+  if (V.determinant() < 0) V = -V;
+  Eigen::Matrix3d W;  // Hartley and Zisserman, Result 9.19
+  W << 0, -1, 0, 1, 0, 0, 0, 0, 1;
+  const Eigen::Quaterniond rotations[] = {Eigen::Quaterniond(Eigen::Matrix3d(U * W * V.transpose())),
+                                          Eigen::Quaterniond(Eigen::Matrix3d(U * W.transpose() * V.transpose()))};
+  std::vector<Rigid3d> motions;
+  for (const Eigen::Quaterniond& rotation : rotations) {
+    motions.emplace_back(rotation.normalized(), U.col(2));
+    motions.emplace_back(rotation.normalized(), -U.col(2));
+  }
+  return motions;
+}
+
+std::vector<Rigid3d> DecomposeHomography(const Eigen::Matrix3d& second_from_first_px, const PinholeCamera& camera) {
+  // A plane in front of both cameras is seen from the same side by both: the true scale of H has a positive
+  // determinant.
+  const double sign = second_from_first_px.determinant() < 0 ? -1 : 1;
+  cv::Mat H, K;
+  cv::eigen2cv(Eigen::Matrix3d(sign * second_from_first_px), H);
+  cv::eigen2cv(camera.K(), K);
+  std::vector<cv::Mat> rotations, translations, normals;
+  cv::decomposeHomographyMat(H, K, rotations, translations, normals);
+  std::vector<Rigid3d> motions;
+  for (size_t i = 0; i < rotations.size(); ++i) {
+    Eigen::Matrix3d rotation;
+    Eigen::Vector3d translation;
+    cv::cv2eigen(rotations[i], rotation);
+    cv::cv2eigen(translations[i], translation);
+    if (!rotation.allFinite() || !(translation.norm() > 0))
+      continue;  // a pure rotation has no direction of translation
+    motions.emplace_back(Eigen::Quaterniond(rotation).normalized(), translation.normalized());
+  }
+  return motions;
+}
+
+Result<TwoViewReconstruction> ReconstructTwoViews(const PixelMatches& matches, const PinholeCamera& first_camera,
+                                                  const PinholeCamera& second_camera, const TwoViewOptions& options) {
+  const Result<TwoViewModel> fundamental = EstimateFundamental(matches, options);
+  if (!fundamental) return fundamental.error();
+  const CalibratedMatches calibrated(matches, first_camera, second_camera, options);
+  const std::vector<Candidate> ranked = RankMotions(calibrated, CandidateMotions(calibrated, *fundamental));
+  if (ranked.empty()) return Refused("no motion explains the matches");
+
+  TwoViewReconstruction result;
+  result.second_from_first = ranked[0].motion;
+  result.from_homography = ranked[0].from_homography;
+  const int agreeing = Triangulate(calibrated, &result);
+  const int valid = static_cast<int>(std::count(result.valid.begin(), result.valid.end(), true));
+  if (agreeing < options.min_points || agreeing < kMinAgreeingShare * static_cast<double>(matches.first_px.size())) {
+    return Refused("only ", agreeing, " of ", matches.first_px.size(), " matches agree with a motion, need ",
+                   options.min_points);
+  }
+  if (valid < options.min_points || valid < kMinParallaxShare * agreeing) {
+    return Refused("too little parallax, ", valid, " of ", agreeing, " points have ", options.min_parallax_deg,
+                   " deg, median is ", result.median_parallax_deg, " deg");
+  }
+  if (const Candidate* rival = FindRival(ranked, options.ambiguity_ratio)) {
+    return Refused("ambiguous, two motions explain the matches with scores ", ranked[0].score, " and ", rival->score);
+  }
+  return result;
+}
+
+}  // namespace portolan

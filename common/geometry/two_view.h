@@ -1,0 +1,69 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "base/result.h"
+#include "geometry/camera_model.h"
+#include "geometry/rigid3.h"
+
+namespace portolan {
+
+/// N matches between two undistorted images, in pixels, same order.
+struct PixelMatches {
+  std::vector<Eigen::Vector2d> first_px;
+  std::vector<Eigen::Vector2d> second_px;
+};
+
+struct TwoViewOptions {
+  double sigma_px = 1.0;  ///< standard deviation of a feature's location
+  int ransac_iterations =
+      1000;  ///< of each model, at most: ended once a clean sample is all but certain; same samples for both
+  uint64_t seed = 1;
+  double min_parallax_deg = 1.0;  ///< of a triangulated point, for it to count
+  int min_points = 50;            ///< triangulated points, below it the pair is refused
+  double ambiguity_ratio = 0.97;  ///< the second best motion has at most this share of the best one's score
+};
+
+/// An estimated model between two views and its support.
+struct TwoViewModel {
+  Eigen::Matrix3d second_from_first = Eigen::Matrix3d::Zero();  ///< F: x2^T F x1 = 0; H: x2 ~ H x1. Pixels.
+  std::vector<bool> inliers;                                    ///< N
+  double score = 0;  ///< sum over matches and both directions of (chi2 threshold - error) where below the threshold
+};
+
+/// Fundamental matrix by the normalised 8-point algorithm in RANSAC (paper Sec. 4.1; Hartley and Zisserman, Alg. 11.1),
+/// refitted to all inliers. Fails with fewer than 8 matches. Deterministic for a seed. Scores are symmetric transfer
+/// errors, truncated at chi2 3.84 (1 degree of freedom), and rewarded up to 5.99 so that F and H compare.
+Result<TwoViewModel> EstimateFundamental(const PixelMatches& matches, const TwoViewOptions& options);
+
+/// Homography by normalised DLT in RANSAC (Hartley and Zisserman, Alg. 4.1): for planar scenes, where the paper's F is
+/// degenerate. Truncated at chi2 5.99 (2 degrees of freedom). Fails with fewer than 4 matches.
+Result<TwoViewModel> EstimateHomography(const PixelMatches& matches, const TwoViewOptions& options);
+
+/// The four motions of an essential matrix (paper Eq. 9), translation of length 1. In no particular order.
+std::vector<Rigid3d> DecomposeEssential(const Eigen::Matrix3d& second_from_first_essential);
+
+/// Motion candidates of a homography between calibrated views (up to eight; Faugeras and Lustman 1988, or OpenCV's
+/// decomposeHomographyMat), translation of length 1.
+std::vector<Rigid3d> DecomposeHomography(const Eigen::Matrix3d& second_from_first_px, const PinholeCamera& camera);
+
+/// Structure and motion from two views.
+struct TwoViewReconstruction {
+  Rigid3d second_from_first;                     ///< translation of length 1
+  std::vector<bool> valid;                       ///< N: the match was triangulated and passed its checks
+  std::vector<Eigen::Vector3d> points_in_first;  ///< N; meaningful where valid
+  double median_parallax_deg = 0;
+  bool from_homography = false;
+};
+
+/// Second to fourth step of map initialisation (paper Sec. 4.1): F and H by RANSAC, their motions refined on all
+/// matches, of those the motion with most points in front of both cameras with small reprojection error and enough
+/// parallax. Where the homography explains the pair (homography_ratio) only its motions compete, for F is degenerate
+/// there. Ambiguous or poor solutions are refused with the reason rather than guessed: too few points, too little
+/// parallax, second motion nearly as good.
+Result<TwoViewReconstruction> ReconstructTwoViews(const PixelMatches& matches, const PinholeCamera& first_camera,
+                                                  const PinholeCamera& second_camera, const TwoViewOptions& options);
+
+}  // namespace portolan

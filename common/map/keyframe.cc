@@ -1,0 +1,17 @@
+#include "map/keyframe.h"
+
+#include <utility>
+
+namespace portolan {
+
+std::shared_ptr<const KeyFrameData> MakeKeyFrameData(KeyFrameData data, const Vocabulary* vocabulary) {
+  data.grid = FeatureGrid(data.features, data.camera.width, data.camera.height);
+  data.bow.clear();
+  data.nodes.clear();
+  if (vocabulary != nullptr) {
+    vocabulary->Transform(data.features.descriptors, kDirectIndexLevel, &data.bow, &data.nodes);
+  }
+  return std::make_shared<const KeyFrameData>(std::move(data));
+}
+
+}  // namespace portolan

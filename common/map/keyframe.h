@@ -1,0 +1,47 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "base/ids.h"
+#include "base/time.h"
+#include "features/feature_grid.h"
+#include "features/feature_matcher.h"
+#include "features/feature_set.h"
+#include "geometry/camera_model.h"
+#include "geometry/rigid3.h"
+#include "vocabulary/vocabulary.h"
+
+namespace portolan {
+
+/// What a keyframe saw. Never changes after it is made: published once, shared by every replica.
+struct KeyFrameData {
+  KeyFrameId id;
+  Timestamp stamp;        ///< of the image, camera's clock
+  uint64_t frame = 0;     ///< number of the image in its source, from 0
+  PinholeCamera camera;   ///< the ideal camera of the undistorted features
+  ScalePyramid pyramid;
+  FeatureSet features;
+
+  // Derived from the above and the vocabulary by MakeKeyFrameData; not sent.
+  FeatureGrid grid;
+  BowVector bow;
+  NodeFeatures nodes;  ///< direct index
+};
+
+/// Level above the leaves of the direct index (paper Sec. 2: "same node at a medium level"): with L = 5, k = 10 about 1000 nodes.
+constexpr int kDirectIndexLevel = 2;
+
+/// Fills in grid, bow and nodes. @param vocabulary may be null: bow and nodes stay empty (tests of geometry alone).
+std::shared_ptr<const KeyFrameData> MakeKeyFrameData(KeyFrameData data, const Vocabulary* vocabulary);
+
+/// A keyframe in a map: shared data and small changing state.
+struct KeyFrame {
+  std::shared_ptr<const KeyFrameData> data;
+  Rigid3d camera_from_map;
+  KeyFrameId parent;  ///< in the spanning tree; none for the map's first keyframe
+  std::vector<MapPointId> landmarks;  ///< one per feature, none where the feature is no landmark; mirrors the points' observations
+};
+
+}  // namespace portolan

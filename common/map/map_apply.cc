@@ -1,0 +1,152 @@
+// How a map turns its changes into deltas, and follows the deltas of its owner.
+
+#include <set>
+#include <string>
+#include <utility>
+
+#include "map/delta_check.h"
+#include "map/map.h"
+
+namespace portolan {
+namespace {
+
+constexpr size_t kMinObservations = 2;  // of a point: with fewer it has no position
+
+MapDelta::KeyFrameState StateOf(const KeyFrame& keyframe) {
+  return {keyframe.data->id, keyframe.camera_from_map, keyframe.parent, static_cast<uint32_t>(keyframe.landmarks.size())};
+}
+
+}  // namespace
+
+void Map::RemoveUnseenPoints() {
+  std::set<MapPointId> touched = changes_.points;
+  for (const auto& [key, feature] : changes_.observations) touched.insert(key.first);
+  for (const MapPointId id : touched) {
+    if (point(id).observations.size() < kMinObservations) RemovePoint(id);
+  }
+}
+
+MapDelta Map::TakeDelta() {
+  RemoveUnseenPoints();
+  RefreshDerived();
+  MapDelta delta;
+  delta.map = id_;
+  delta.epoch = epoch_;
+  delta.base_revision = revision_;
+  delta.removed_points = std::move(changes_.removed_points);
+  delta.removed_keyframes = std::move(changes_.removed_keyframes);
+  for (const KeyFrameId id : changes_.keyframes) delta.keyframes.push_back(StateOf(keyframe(id)));
+  for (const MapPointId id : changes_.points) delta.points.push_back({id, point(id).position_in_map});
+  for (const auto& [key, feature] : changes_.observations) {
+    // An observation in a keyframe that is gone went with it.
+    if (keyframes_.count(key.second) == 1) delta.observations.push_back({key.first, key.second, feature});
+  }
+  changes_ = Changes();
+  delta.revision = delta.IsEmpty() ? revision_ : ++revision_;
+  return delta;
+}
+
+MapDelta Map::Snapshot() const {
+  MapDelta delta;
+  delta.map = id_;
+  delta.epoch = epoch_;
+  delta.base_revision = 0;
+  delta.revision = revision_;
+  // Parents before children, so that a part of a snapshot never refers ahead: ids rise with age.
+  for (const auto& [id, keyframe] : keyframes_) delta.keyframes.push_back(StateOf(keyframe));
+  for (const MapPointId id : SortedPointIds()) {
+    const MapPoint& point = points_.at(id);
+    if (point.observations.size() < kMinObservations) continue;
+    delta.points.push_back({id, point.position_in_map});
+    for (const Observation& o : point.observations) {
+      delta.observations.push_back({id, o.keyframe, static_cast<int32_t>(o.feature)});
+    }
+  }
+  return delta;
+}
+
+Status Map::CheckOrigin(const MapDelta& delta) const {
+  if (delta.map != id_) return Error{"delta of map " + ToString(delta.map) + " for map " + ToString(id_)};
+  const std::string of_epoch = "delta of epoch " + std::to_string(delta.epoch) + " for a map in epoch " + std::to_string(epoch_);
+  if (delta.epoch < epoch_) return Error{of_epoch};
+  if (delta.IsSnapshot()) return Ok{};
+  // A new owner may go on from an older state than ours: equal revisions of two epochs need not be equal states.
+  if (delta.epoch > epoch_) return Error{of_epoch + ": a snapshot must come first"};
+  if (delta.base_revision != revision_) {
+    return Error{"delta from revision " + std::to_string(delta.base_revision) + " for a map at " + std::to_string(revision_)};
+  }
+  if (delta.revision <= delta.base_revision) {
+    return Error{"delta from revision " + std::to_string(delta.base_revision) + " back to " + std::to_string(delta.revision)};
+  }
+  return Ok{};
+}
+
+Status Map::Apply(const MapDelta& delta, const FindData& find_data) {
+  if (Status status = CheckOrigin(delta); !status) return status;
+  if (delta.IsSnapshot()) {
+    Map fresh(id_, delta.epoch);
+    if (Status status = CheckDelta(fresh, delta, find_data); !status) return status;
+    fresh.ApplyChecked(delta, find_data);
+    *this = std::move(fresh);
+    return Ok{};
+  }
+  Status checked = CheckDelta(*this, delta, find_data);
+  if (checked) ApplyChecked(delta, find_data);
+  return checked;
+}
+
+void Map::ApplyChecked(const MapDelta& delta, const FindData& find_data) {
+  ApplyRemovals(delta);
+  for (const auto& state : delta.keyframes) {
+    if (keyframes_.count(state.id) == 0) AddKeyFrame(find_data(state.id), state.camera_from_map, KeyFrameId());
+    SetPose(state.id, state.camera_from_map);
+    MutableKeyFrame(state.id).parent = state.parent;  // may come after its child in the delta
+  }
+  for (const auto& state : delta.points) {
+    MapPoint& point = points_[state.id];
+    point.id = state.id;
+    if (point.position_in_map != state.position_in_map) MarkStale(&point, kGeometryStale);
+    point.position_in_map = state.position_in_map;  // also where only the sign of a zero differs: replicas are equal to the bit
+  }
+  ApplyObservations(delta);
+  RefreshDerived();
+  changes_ = Changes();
+  epoch_ = delta.epoch;
+  revision_ = delta.revision;
+}
+
+void Map::ApplyRemovals(const MapDelta& delta) {
+  for (const auto& removed : delta.removed_points) {
+    const auto found = points_.find(removed.id);
+    if (found == points_.end()) continue;
+    UnlinkAll(&found->second);
+    points_.erase(found);
+  }
+  for (const auto& removed : delta.removed_keyframes) {
+    const KeyFrame* keyframe = FindKeyFrame(removed.id);
+    if (keyframe == nullptr) continue;
+    const std::vector<MapPointId> landmarks = keyframe->landmarks;
+    for (const MapPointId landmark : landmarks) {
+      if (landmark.IsValid()) RemoveObservation(landmark, removed.id);
+    }
+    keyframes_.erase(removed.id);
+    covisibility_.erase(removed.id);
+  }
+}
+
+void Map::ApplyObservations(const MapDelta& delta) {
+  // Removals first: a feature may pass from one landmark to another within a delta.
+  for (const auto& o : delta.observations) {
+    MapPoint& point = points_.at(o.point);
+    const Observation* seen = point.FindObservation(o.keyframe);
+    if (seen == nullptr || static_cast<int64_t>(seen->feature) == o.feature) continue;
+    UnlinkObservation(&point, static_cast<size_t>(seen - point.observations.data()));
+  }
+  for (const auto& o : delta.observations) {
+    MapPoint& point = points_.at(o.point);
+    if (o.feature < 0 || point.FindObservation(o.keyframe) != nullptr) continue;
+    LinkObservation(&point, o.keyframe, static_cast<uint32_t>(o.feature));
+  }
+}
+
+}  // namespace portolan

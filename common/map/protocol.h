@@ -1,0 +1,151 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "base/ids.h"
+#include "base/time.h"
+#include "geometry/rigid3.h"
+#include "geometry/sim3.h"
+#include "map/keyframe.h"
+#include "map/map_delta.h"
+#include "map/map_replica.h"
+
+// What the processes tell each other, as domain types without DDS. messages/ converts them to and from the wire and validates
+// what comes in; docs/topics.md lists topics, writers and readers. MapDeltaChunk and SnapshotRequest stand with the map.
+
+namespace portolan {
+
+enum class KeyFrameKind : uint8_t {
+  kTracked = 0,        ///< tracked in `map`: pose and landmarks are given
+  kInitialFirst = 1,   ///< first of a pair for map initialisation (paper Sec. 4.1)
+  kInitialSecond = 2,  ///< second of the pair: `reference` is the first, `initial_matches` its matches
+  kCopy = 3,           ///< data alone, sent again by a map's owner to answer a SnapshotRequest
+};
+
+/// A keyframe from the tracker: its data, published once, and how the tracker saw it. Sent again to a new owner until a delta contains it.
+struct KeyFrameMessage {
+  KeyFrameData data;  ///< derived fields empty; the receiver completes them with MakeKeyFrameData
+  KeyFrameKind kind = KeyFrameKind::kTracked;
+  uint64_t vocabulary_hash = 0;
+  MapId map;
+  KeyFrameId reference;     ///< kTracked: the keyframe it shares most landmarks with; kInitialSecond: the first
+  Rigid3d camera_from_map;  ///< kTracked: pose; kInitialSecond: rotation alone, second_from_first as ESM estimated it
+  std::vector<std::pair<uint32_t, MapPointId>> landmarks;        ///< kTracked: (feature, landmark), inliers of the final pose
+  std::vector<std::pair<uint32_t, uint32_t>> initial_matches;    ///< kInitialSecond: (feature of reference, own feature)
+};
+
+enum class TrackingState : uint8_t {
+  kInitializing = 0,  ///< no map yet: looking for two frames to make one from
+  kTracking = 1,
+  kRelocalizing = 2,  ///< quality is poor: fewer than five frames lost
+  kLost = 3,          ///< gave the map up; a new one is being made
+};
+
+/// The tracker's word on one frame.
+struct TrackerState {
+  ProcessId process;
+  uint64_t frame = 0;
+  Timestamp stamp;
+  TrackingState state = TrackingState::kInitializing;
+  MapId map;
+  Rigid3d camera_from_map;      ///< meaningful in kTracking
+  float quality = 0;            ///< s = n / m (paper Sec. 3.3)
+  uint32_t num_inliers = 0;     ///< n
+  uint32_t num_candidates = 0;  ///< m
+  float frame_ms = 0;           ///< the tracker's whole work for the frame, image decoding left out
+  bool interrupt_mapper = false;  ///< a keyframe is due and only the busy mapper is in its way: stop the optimisation (paper Sec. 3.3)
+};
+
+/// What the mapper is doing: sent whenever it changes.
+struct MapperState {
+  ProcessId process;
+  MapId map;
+  Epoch epoch = 0;
+  Revision revision = 0;
+  bool idle = false;                ///< queue empty and no optimisation running: the third keyframe condition (paper Sec. 3.3)
+  uint32_t queue_depth = 0;         ///< keyframes waiting
+  KeyFrameId last_keyframe;         ///< the last keyframe fully taken in (or refused), for lockstep and acknowledgement
+  KeyFrameId refused_keyframe;      ///< the last keyframe refused (second of an initial pair, or one that does not fit), none if none
+  std::string refusal;              ///< why
+};
+
+/// A proposal to change a map, made from a snapshot of it (loop closure, FBA, global BA, fusion). The owner applies it; keyframes younger than the
+/// revision follow the keyframe they hang on (paper Sec. 6, step 3).
+struct MapCorrection {
+  struct KeyFrameCorrection {
+    KeyFrameId id;
+    Sim3d camera_from_map;  ///< corrected; the owner turns it rigid (paper Eq. 13)
+  };
+  struct PointCorrection {
+    MapPointId id;
+    Eigen::Vector3f position_in_map = Eigen::Vector3f::Zero();
+  };
+  ProcessId process;
+  uint64_t number = 0;  ///< of this process, rising
+  MapId map;
+  Epoch epoch = 0;
+  Revision made_from_revision = 0;
+  std::string kind;  ///< "loop", "fba", "global_ba", "fusion"
+  std::vector<KeyFrameCorrection> keyframes;
+  std::vector<PointCorrection> points;
+  std::vector<std::pair<MapPointId, MapPointId>> merges;  ///< (from, into)
+  std::vector<std::pair<KeyFrameId, KeyFrameId>> loop_edges;
+};
+
+enum class CommandKind : uint8_t {
+  kGrantOwnership = 0,   ///< `owner` writes `map` in `epoch` from now on
+  kRevokeOwnership = 1,  ///< the owner in an older epoch stops writing
+  kActivateMap = 2,      ///< the robot's tracker goes on in `map`; `map_from_other` carries pose and velocity over from `other`
+  kFuseMaps = 3,         ///< the owner of `map` takes in `other` by `map_from_other`
+  kShutDown = 4,         ///< processes of the robot drain, save and end
+};
+
+/// From the atlas_server alone.
+struct Command {
+  uint64_t number = 0;  ///< of this atlas_server session, rising
+  ProcessId sender;
+  CommandKind kind = CommandKind::kGrantOwnership;
+  MapId map;
+  MapId other;
+  Epoch epoch = 0;
+  ProcessId owner;
+  Sim3d map_from_other;
+};
+
+/// To the atlas_server, from the tracker, tools and operators.
+struct Request {
+  RequestId id;
+  ProcessId sender;
+  std::string kind;  ///< "new_map", "own_map", "list_maps", "save", ...
+  MapId map;
+  std::string argument;
+};
+
+struct Reply {
+  RequestId id;
+  ProcessId sender;
+  bool ok = false;
+  std::string reason;
+  std::string text;  ///< of an answer that is a text
+};
+
+/// A process about itself, once a second and at changes; its liveliness is the sign that its worker thread is alive.
+struct ProcessStatus {
+  ProcessId process;
+  std::string role;  ///< frontend_tracker, backend_mapper, loop_closer, atlas_server
+  std::string host;
+  uint32_t pid = 0;
+  std::string vendor;    ///< fastdds, cyclonedds
+  std::string build;
+  std::string priority;  ///< as in force: "nice -5", "SCHED_RR 20"
+  std::string state;     ///< in words
+  MapId map;
+  Epoch epoch = 0;
+  Revision revision = 0;
+  std::vector<std::pair<std::string, double>> figures;  ///< counters, queue depths, drops, milliseconds, by name
+};
+
+}  // namespace portolan

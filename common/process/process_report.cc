@@ -1,0 +1,54 @@
+#include "process/process_report.h"
+
+#include <sys/resource.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <fstream>
+
+namespace portolan {
+
+ResourceUse MeasureResources() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  const auto seconds = [](const timeval& t) { return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec); };
+  return {static_cast<double>(usage.ru_maxrss) * 1024e-6, seconds(usage.ru_utime) + seconds(usage.ru_stime)};
+}
+
+nlohmann::json SummarizeTimes(const std::vector<double>& milliseconds) {
+  return {{"median", Quantile(milliseconds, 0.5)}, {"p95", Quantile(milliseconds, 0.95)}, {"count", milliseconds.size()}};
+}
+
+nlohmann::json MakeReport(const ProcessOptions& options, const std::string& priority, const StageTimes& times, const Bus& bus) {
+  const ResourceUse resources = MeasureResources();
+  nlohmann::json report = {{"role", options.role},
+                           {"dds", ToString(options.bus.vendor)},
+                           {"priority", priority},
+                           {"peak_memory_mb", resources.peak_memory_mb},
+                           {"cpu_s", resources.cpu_s},
+                           {"stages_ms", nlohmann::json::object()},
+                           {"bytes_sent", nlohmann::json::object()},
+                           {"counters", nlohmann::json::object()}};
+  for (const auto& [stage, samples] : times.samples()) report["stages_ms"][stage] = SummarizeTimes(samples);
+  for (const auto& [topic, counters] : bus.Counters()) {
+    if (counters.sent_bytes > 0) report["bytes_sent"][topic] = counters.sent_bytes;
+    nlohmann::json& counted = report["counters"][topic];
+    counted = {{"sent", counters.sent},           {"received", counters.received},           {"malformed", counters.malformed},
+               {"send_failures", counters.send_failures}, {"lost", counters.lost}};
+  }
+  return report;
+}
+
+Status WriteReport(const ProcessOptions& options, const nlohmann::json& report) {
+  if (options.out.empty()) return Ok{};
+  const std::string path = options.out + "/" + options.role + ".json";
+  const std::string unfinished = path + ".part";
+  std::ofstream file(unfinished);
+  file << report.dump(2) << '\n';
+  file.close();
+  if (!file || std::rename(unfinished.c_str(), path.c_str()) != 0) return Error{"'" + path + "' can't be written: " + std::strerror(errno)};
+  return Ok{};
+}
+
+}  // namespace portolan

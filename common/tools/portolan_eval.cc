@@ -1,0 +1,197 @@
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <iostream>
+#include <string>
+#include <vector>
+
+#include "base/atomic_file.h"
+#include "base/flat_yaml.h"
+#include "dataset/evaluation_report.h"
+#include "dataset/frame_times.h"
+#include "dataset/text_table.h"
+#include "dataset/trajectory_evaluation.h"
+#include "dataset/trajectory_io.h"
+#include "dataset/trajectory_plot.h"
+
+namespace portolan {
+namespace {
+
+/// What the command line says, before the files are read.
+struct Arguments {
+  std::string groundtruth, trajectory;
+  std::string times_file;  ///< of KITTI poses
+  std::string frames;      ///< a number, or a list of the camera's frames; empty: the list beside the ground truth
+  std::string plot, json, scale = "free", rpe_delta = "1s";
+  bool per_map = false;
+  double max_dt = 0;
+  std::string from, to;  ///< seconds
+  int64_t first_frame = -1, last_frame = -1;
+};
+
+/// The camera's frames, as far as they are known.
+struct Frames {
+  std::vector<Timestamp> times;  ///< empty: every ground truth pose counts as one
+  size_t number = 0;             ///< given on the command line; 0: by times
+};
+
+Result<Frames> FindFrames(const Arguments& arguments) {
+  Frames frames;
+  int64_t number = 0;
+  if (ParseNumber(arguments.frames, &number)) {
+    if (number < 1) return Error{"--frames " + arguments.frames + ": expected 1 or more"};
+    frames.number = static_cast<size_t>(number);
+    return frames;
+  }
+  const std::string list = arguments.frames.empty() ? FindFrameTimes(arguments.groundtruth) : arguments.frames;
+  if (list.empty()) return frames;
+  Result<std::vector<Timestamp>> times = ReadFrameTimes(list);
+  if (!times) return times.error();
+  frames.times = std::move(*times);
+  return frames;
+}
+
+/// The times of poses in KITTI's form; empty if there are none.
+std::string FindPoseTimes(const Arguments& arguments) {
+  if (!arguments.times_file.empty()) return arguments.times_file;
+  const std::filesystem::path beside = std::filesystem::path(arguments.groundtruth).parent_path() / "times.txt";
+  return std::filesystem::exists(beside) ? beside.string() : "";
+}
+
+/// A limit of the span in time or by a frame's number.
+Result<std::optional<Timestamp>> FindLimit(const std::string& name, const std::string& seconds, int64_t frame,
+                                           const std::vector<Timestamp>& times) {
+  if (!seconds.empty()) {
+    const std::optional<Timestamp> stamp = ParseSeconds(seconds);
+    if (!stamp) return Error{fmt::format("{} {}: expected seconds", name, seconds)};
+    return stamp;
+  }
+  if (frame < 0) return std::optional<Timestamp>();
+  if (static_cast<size_t>(frame) < times.size()) return std::optional<Timestamp>(times[static_cast<size_t>(frame)]);
+  return Error{fmt::format("{} frame {}: there are {} frames", name, frame, times.size())};
+}
+
+/// "1.5s" or "10" or "10frames".
+Status ParseRpeDelta(const std::string& text, EvaluationOptions* options) {
+  const size_t unit_start = text.find_first_not_of("0123456789.+-e");
+  const std::string number = text.substr(0, unit_start);
+  const std::string unit = unit_start == std::string::npos ? "" : text.substr(unit_start);
+  int64_t frames = 0;
+  if (unit == "s" && ParseNumber(number, &options->rpe_delta) && options->rpe_delta > 0) return Ok{};
+  if ((unit.empty() || unit == "frames") && ParseNumber(number, &frames) && frames > 0 && frames < 1000000) {
+    options->rpe_frames = static_cast<int>(frames);
+    return Ok{};
+  }
+  return Error{"--rpe-delta " + text + ": expected seconds as in 1.5s, or a number of frames"};
+}
+
+size_t CountWithin(const std::vector<Timestamp>& times, const EvaluationOptions& options) {
+  size_t count = 0;
+  for (const Timestamp time : times) {
+    const bool outside = (options.from && time < *options.from) || (options.to && *options.to < time);
+    count += outside ? 0 : 1;
+  }
+  return count;
+}
+
+Result<Evaluation> Evaluate(const Arguments& arguments) {
+  const std::string pose_times = FindPoseTimes(arguments);
+  Result<Trajectory> truth = ReadTrajectory(arguments.groundtruth, pose_times);
+  if (!truth) return truth.error();
+  const Result<Trajectory> estimate = ReadTrajectory(arguments.trajectory, pose_times);
+  if (!estimate) return estimate.error();
+  const Result<Frames> frames = FindFrames(arguments);
+  if (!frames) return frames.error();
+  EvaluationOptions options;
+  options.fix_scale = arguments.scale == "fixed";
+  options.max_dt = arguments.max_dt > 0 ? arguments.max_dt : HalfMedianInterval(*truth);
+  if (Status parsed = ParseRpeDelta(arguments.rpe_delta, &options); !parsed) return parsed.error();
+  std::vector<Timestamp> times = frames->times;
+  if (!times.empty()) {
+    truth = SelectFrames(*truth, times, options.max_dt);
+  } else {
+    for (const TrajectoryPose& pose : *truth) times.push_back(pose.stamp);
+  }
+  const Result<std::optional<Timestamp>> from = FindLimit("first", arguments.from, arguments.first_frame, times);
+  if (!from) return from.error();
+  const Result<std::optional<Timestamp>> to = FindLimit("last", arguments.to, arguments.last_frame, times);
+  if (!to) return to.error();
+  options.from = *from;
+  options.to = *to;
+  options.num_frames = frames->number > 0 ? frames->number : CountWithin(times, options);
+  return EvaluateTrajectory(*truth, *estimate, options);
+}
+
+Status WriteOutputs(const Arguments& arguments, const Evaluation& evaluation) {
+  const bool has_unit = arguments.rpe_delta.find_last_not_of("0123456789") != std::string::npos;
+  std::cout << FormatEvaluation(evaluation, arguments.rpe_delta + (has_unit ? "" : " frames"));
+  if (!arguments.json.empty()) {
+    if (Status written = WriteFileAtomically(arguments.json, EvaluationToJson(evaluation)); !written) return written;
+  }
+  if (arguments.plot.empty()) return Ok{};
+  TrajectoryPlotOptions plot;
+  plot.title = std::filesystem::path(arguments.trajectory).filename().string();
+  plot.per_map = arguments.per_map;
+  return DrawTrajectories(evaluation, plot).Write(arguments.plot);
+}
+
+void Declare(CLI::App* app, Arguments* arguments) {
+  app->add_option("groundtruth", arguments->groundtruth, "TUM, KITTI or EuRoC ground truth")->required();
+  app->add_option("trajectory", arguments->trajectory, "estimate: TUM lines, a ninth column is the map's number")
+      ->required();
+  app->add_option("--times", arguments->times_file, "times of KITTI poses (default: times.txt beside them)");
+  app->add_option("--frames", arguments->frames,
+                  "number of frames for the coverage, or a list of them (default: rgb.txt, times.txt or "
+                  "../cam0/data.csv beside the ground truth, else its poses)");
+  app->add_option("--max-dt", arguments->max_dt,
+                  "seconds between matched poses (default: half the ground truth's median interval)")
+      ->check(CLI::PositiveNumber);
+  app->add_option("--rpe-delta", arguments->rpe_delta,
+                  "interval of the relative pose error: seconds as in 1s, or frames as in 10")
+      ->capture_default_str();
+  app->add_option("--scale", arguments->scale, "free: similarity; fixed: rigid alignment")
+      ->check(CLI::IsMember({"free", "fixed"}))
+      ->capture_default_str();
+  auto* from = app->add_option("--from", arguments->from, "leave out poses before this time, seconds");
+  auto* to = app->add_option("--to", arguments->to, "and after this one");
+  app->add_option("--first-frame", arguments->first_frame, "leave out frames before this number")
+      ->check(CLI::NonNegativeNumber)
+      ->excludes(from);
+  app->add_option("--last-frame", arguments->last_frame, "and after this one")
+      ->check(CLI::NonNegativeNumber)
+      ->excludes(to);
+  app->add_option("--plot", arguments->plot, "draw both trajectories into this .svg or .png");
+  app->add_flag("--per-map", arguments->per_map, "in the plot, align each map by itself");
+  app->add_option("--json", arguments->json, "write the figures into this file");
+}
+
+int Main(int argc, char** argv) {
+  CLI::App app(
+      "Compares a trajectory with the ground truth: ATE after Sim3 alignment, joined and map by map, and RPE.\n"
+      "Exit code: 0 done, 1 no comparison possible (bad file, no common times), 2 bad arguments.");
+  Arguments arguments;
+  Declare(&app, &arguments);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& failure) {
+    return app.exit(failure) == 0 ? 0 : 2;
+  }
+  const Result<Evaluation> evaluation = Evaluate(arguments);
+  if (!evaluation) {
+    std::cerr << "portolan_eval: " << evaluation.error().message << "\n";
+    return 1;
+  }
+  if (Status written = WriteOutputs(arguments, *evaluation); !written) {
+    std::cerr << "portolan_eval: " << written.error().message << "\n";
+    return 1;
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace portolan
+
+int main(int argc, char** argv) {
+  return portolan::Main(argc, argv);
+}

@@ -1,0 +1,22 @@
+#pragma once
+
+#include <dds/dds.h>
+
+#include <memory>
+#include <string>
+
+#include "transport/topic_qos.h"
+
+namespace portolan {
+
+struct CycloneDdsQosDeleter {
+  void operator()(dds_qos_t* qos) const { dds_delete_qos(qos); }
+};
+using CycloneDdsQos = std::unique_ptr<dds_qos_t, CycloneDdsQosDeleter>;
+
+CycloneDdsQos MakeCycloneDdsWriterQos(const TopicQos& qos);
+CycloneDdsQos MakeCycloneDdsReaderQos(const TopicQos& qos);
+/// Of a publisher or subscriber. @param partition empty: none.
+CycloneDdsQos MakeCycloneDdsGroupQos(const std::string& partition);
+
+}  // namespace portolan

@@ -1,0 +1,95 @@
+#include "vocabulary/keyframe_index.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <map>
+#include <set>
+
+#include "base/random.h"
+
+namespace portolan {
+namespace {
+
+BowVector RandomBow(Random* random) {
+  std::set<uint32_t> words;
+  for (uint64_t i = 0, count = random->Below(12); i < count; ++i)
+    words.insert(static_cast<uint32_t>(random->Below(40)));
+  BowVector bow;
+  for (uint32_t word : words) bow.emplace_back(word, 1.0f / static_cast<float>(words.size()));
+  return bow;
+}
+
+KeyFrameId Key(uint32_t sequence) {
+  return KeyFrameId(1, 2, sequence);
+}
+
+/// What a query should give, by comparing with every bag.
+std::vector<SharedWords> SearchAll(const std::map<KeyFrameId, BowVector>& bags, const BowVector& query) {
+  std::vector<SharedWords> shared;
+  for (const auto& [keyframe, bow] : bags) {
+    const int words = CountCommonWords(bow, query);
+    if (words > 0) shared.push_back({keyframe, words});
+  }
+  std::stable_sort(shared.begin(), shared.end(),
+                   [](const SharedWords& a, const SharedWords& b) { return a.words > b.words; });
+  return shared;
+}
+
+void ExpectSame(const std::vector<SharedWords>& a, const std::vector<SharedWords>& b) {
+  ASSERT_EQ(a.size(), b.size());
+  for (size_t i = 0; i < a.size(); ++i) {
+    EXPECT_EQ(a[i].keyframe, b[i].keyframe);
+    EXPECT_EQ(a[i].words, b[i].words);
+  }
+}
+
+TEST(KeyFrameIndex, AgreesWithASearchOfAllThroughChanges) {
+  Random random(1);
+  KeyFrameIndex index;
+  std::map<KeyFrameId, BowVector> bags;
+  for (int step = 0; step < 2000; ++step) {
+    const KeyFrameId keyframe = Key(1 + static_cast<uint32_t>(random.Below(50)));
+    if (random.Below(3) == 0) {
+      index.Remove(keyframe);
+      bags.erase(keyframe);
+    } else {
+      bags[keyframe] = RandomBow(&random);  // anew or in place of another
+      index.Add(keyframe, bags[keyframe]);
+    }
+    EXPECT_EQ(index.size(), bags.size());
+    const BowVector query = RandomBow(&random);
+    ExpectSame(index.Query(query), SearchAll(bags, query));
+  }
+  for (uint32_t sequence = 1; sequence <= 50; ++sequence) {
+    const BowVector* bow = index.Find(Key(sequence));
+    const auto expected = bags.find(Key(sequence));
+    ASSERT_EQ(bow != nullptr, expected != bags.end());
+    if (bow != nullptr) {
+      EXPECT_EQ(*bow, expected->second);
+    }
+  }
+}
+
+TEST(KeyFrameIndex, SortsByWordsThenById) {
+  KeyFrameIndex index;
+  index.Add(Key(3), {{1, 0.5f}, {2, 0.5f}});
+  index.Add(Key(2), {{1, 0.5f}, {9, 0.5f}});
+  index.Add(Key(1), {{2, 0.5f}, {9, 0.5f}});
+  ExpectSame(index.Query({{1, 0.5f}, {2, 0.5f}}), {{Key(3), 2}, {Key(1), 1}, {Key(2), 1}});
+}
+
+TEST(KeyFrameIndex, UnknownIdsAndEmptyBagsDoNoHarm) {
+  KeyFrameIndex index;
+  index.Remove(Key(1));
+  EXPECT_EQ(index.Find(Key(1)), nullptr);
+  index.Add(Key(1), {});
+  EXPECT_EQ(index.size(), 1u);
+  EXPECT_TRUE(index.Query({{1, 1.0f}}).empty());
+  EXPECT_TRUE(index.Query({}).empty());
+  index.Remove(Key(1));
+  EXPECT_EQ(index.size(), 0u);
+}
+
+}  // namespace
+}  // namespace portolan

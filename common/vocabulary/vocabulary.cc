@@ -1,0 +1,70 @@
+#include "vocabulary/vocabulary.h"
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+
+#include "vocabulary/vocabulary_file.h"
+#include "vocabulary/vocabulary_storage.h"
+
+namespace portolan {
+namespace {
+
+/// A bag of words out of the words of each feature, ascending, with repeats.
+BowVector CountWords(const std::vector<std::pair<uint32_t, float>>& words) {
+  BowVector bow;
+  double sum = 0;
+  for (size_t i = 0; i < words.size(); ++i) {
+    if (bow.empty() || bow.back().first != words[i].first) bow.emplace_back(words[i].first, 0.0f);
+    bow.back().second +=
+        words[i].second;  // term frequency times idf; the image's number of features cancels in the L1 norm
+    sum += words[i].second;
+  }
+  for (auto& [word, weight] : bow) weight = static_cast<float>(weight / sum);
+  return bow;
+}
+
+}  // namespace
+
+Vocabulary::~Vocabulary() = default;
+
+Result<std::shared_ptr<const Vocabulary>> Vocabulary::Open(const std::string& path) {
+  return VocabularyBuilder::FromFile(path);
+}
+
+std::string Vocabulary::DefaultPath() {
+  if (const char* path = std::getenv("PORTOLAN_VOCABULARY"); path != nullptr && *path != '\0') return path;
+  std::error_code error;
+  const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe", error);
+  return (program.parent_path() / ".." / "share" / "portolan" / "default.pvoc").lexically_normal().string();
+}
+
+void Vocabulary::Transform(const std::vector<Descriptor>& descriptors, int direct_level, BowVector* bow,
+                           NodeFeatures* nodes) const {
+  const int node_level = std::max(1, depth_ - direct_level);
+  std::vector<std::pair<uint32_t, float>> words;
+  std::vector<std::pair<uint32_t, uint32_t>> features_by_node;
+  words.reserve(descriptors.size());
+  features_by_node.reserve(descriptors.size());
+  for (size_t i = 0; i < descriptors.size(); ++i) {
+    uint32_t index = 0, node = 0;
+    for (int level = 1; nodes_[index].num_children > 0; ++level) {
+      index = NearestChild(nodes_, nodes_[index], descriptors[i]);
+      if (level <= node_level) node = index;
+    }
+    if (nodes_[index].weight > 0) words.emplace_back(nodes_[index].word, nodes_[index].weight);
+    features_by_node.emplace_back(node, static_cast<uint32_t>(i));
+  }
+  std::sort(words.begin(), words.end());
+  *bow = CountWords(words);
+  std::sort(features_by_node.begin(), features_by_node.end());
+  nodes->clear();
+  auto entry = nodes->end();
+  for (const auto& [node, feature] : features_by_node) {
+    if (entry == nodes->end() || entry->first != node)
+      entry = nodes->emplace_hint(nodes->end(), node, std::vector<uint32_t>());
+    entry->second.push_back(feature);
+  }
+}
+
+}  // namespace portolan

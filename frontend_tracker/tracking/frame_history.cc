@@ -1,0 +1,54 @@
+#include "tracking/frame_history.h"
+
+#include <algorithm>
+
+namespace portolan {
+
+void FrameHistory::Add(const Map& map, const Frame& frame, bool online) {
+  const KeyFrame* anchor = map.FindKeyFrame(frame.reference);
+  if (anchor == nullptr) return;
+  FrameRecord& record = records_[frame.number];
+  record.frame = frame.number;
+  record.stamp = frame.stamp;
+  record.map = map.id();
+  record.online_camera_from_map = frame.camera_from_map;
+  record.online = online;
+  Anchor(&record, frame.reference, frame.camera_from_map * anchor->camera_from_map.Inverse());
+}
+
+void FrameHistory::Anchor(FrameRecord* record, KeyFrameId anchor, const Rigid3d& camera_from_anchor) {
+  record->anchor = anchor;
+  record->camera_from_anchor = camera_from_anchor;
+  by_anchor_[anchor].push_back(record->frame);
+}
+
+void FrameHistory::NoteKeyFrame(uint64_t frame, KeyFrameId keyframe) { own_frame_[keyframe] = frame; }
+
+void FrameHistory::OnDelta(const Map& map, const MapDelta& delta) {
+  for (const MapDelta::KeyFrameState& state : delta.keyframes) {
+    const auto own = own_frame_.find(state.id);
+    if (own == own_frame_.end()) continue;
+    FrameRecord& record = records_[own->second];
+    if (record.frame == own->second && record.map == map.id()) Anchor(&record, state.id, Rigid3d());
+    own_frame_.erase(own);
+  }
+  for (const MapDelta::RemovedKeyFrame& removed : delta.removed_keyframes) {
+    const auto hung = by_anchor_.find(removed.id);
+    if (hung == by_anchor_.end()) continue;
+    const std::vector<uint64_t> frames = std::move(hung->second);
+    by_anchor_.erase(hung);
+    for (const uint64_t frame : frames) {
+      FrameRecord& record = records_[frame];
+      if (record.anchor != removed.id) continue;  // it has been hung elsewhere since
+      Anchor(&record, removed.anchor, record.camera_from_anchor * removed.removed_from_anchor);
+    }
+  }
+}
+
+std::optional<Rigid3d> FrameHistory::CameraFromMap(const Map& map, const FrameRecord& record) {
+  const KeyFrame* anchor = map.FindKeyFrame(record.anchor);
+  if (anchor == nullptr) return std::nullopt;
+  return record.camera_from_anchor * anchor->camera_from_map;
+}
+
+}  // namespace portolan

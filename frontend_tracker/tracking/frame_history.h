@@ -1,0 +1,54 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <optional>
+#include <vector>
+
+#include "base/ids.h"
+#include "base/time.h"
+#include "geometry/rigid3.h"
+#include "map/map.h"
+#include "tracking/frame.h"
+
+namespace portolan {
+
+/// A tracked frame for the trajectory: hung on a keyframe, so that it moves with the map when the map is corrected.
+struct FrameRecord {
+  uint64_t frame = 0;
+  Timestamp stamp;
+  MapId map;
+  KeyFrameId anchor;
+  Rigid3d camera_from_anchor;
+  Rigid3d online_camera_from_map;  ///< as it was known when the frame was tracked
+  bool online = true;              ///< false: found later, from a frame before the map's own beginning
+};
+
+/// Every tracked frame of a run.
+class FrameHistory {
+ public:
+  /// @param frame tracked in `map`, its reference keyframe in it.
+  void Add(const Map& map, const Frame& frame, bool online);
+
+  /// A frame became a keyframe: once the map holds it, the frame is the keyframe.
+  void NoteKeyFrame(uint64_t frame, KeyFrameId keyframe);
+
+  /// To be called for each delta, after it was applied to `map`: records on removed keyframes pass to what these hung on, and frames that
+  /// became keyframes of the map are hung on themselves.
+  void OnDelta(const Map& map, const MapDelta& delta);
+
+  /// In order of frame number.
+  const std::map<uint64_t, FrameRecord>& records() const { return records_; }
+  /// The pose as the map has it now; none if its anchor is gone.
+  static std::optional<Rigid3d> CameraFromMap(const Map& map, const FrameRecord& record);
+
+ private:
+  void Anchor(FrameRecord* record, KeyFrameId anchor, const Rigid3d& camera_from_anchor);
+
+  std::map<uint64_t, FrameRecord> records_;
+  std::map<KeyFrameId, std::vector<uint64_t>> by_anchor_;
+  std::map<KeyFrameId, uint64_t> own_frame_;  // keyframes not in the map yet
+};
+
+}  // namespace portolan

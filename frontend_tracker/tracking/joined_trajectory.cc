@@ -1,0 +1,79 @@
+#include "tracking/joined_trajectory.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace portolan {
+namespace {
+
+constexpr size_t kSpeedFrames = 20;
+
+/// Median speed between consecutive poses, lengths per second; 0 if it can't be told.
+double MedianSpeed(const Trajectory& poses) {
+  std::vector<double> speeds;
+  for (size_t i = 1; i < poses.size(); ++i) {
+    const double dt = SecondsBetween(poses[i - 1].stamp, poses[i].stamp);
+    if (dt <= 0) continue;
+    speeds.push_back((poses[i].world_from_camera.translation - poses[i - 1].world_from_camera.translation).norm() / dt);
+  }
+  if (speeds.empty()) return 0;
+  const auto middle = speeds.begin() + static_cast<ptrdiff_t>(speeds.size() / 2);
+  std::nth_element(speeds.begin(), middle, speeds.end());
+  return *middle;
+}
+
+/// The similarity that lets the camera go on from `before` (joined frame) with `after` (a new map's first poses).
+Sim3d Continue(const Trajectory& before, const Trajectory& after) {
+  const Trajectory last(before.end() - static_cast<ptrdiff_t>(std::min(before.size(), kSpeedFrames)), before.end());
+  const Trajectory first(after.begin(), after.begin() + static_cast<ptrdiff_t>(std::min(after.size(), kSpeedFrames)));
+  const double speed_before = MedianSpeed(last), speed_after = MedianSpeed(first);
+  const double scale = speed_before > 0 && speed_after > 0 ? speed_before / speed_after : 1.0;
+  const Rigid3d& from = last.back().world_from_camera;
+  const Rigid3d& to = first.front().world_from_camera;
+  const Eigen::Quaterniond rotation = (from.rotation * to.rotation.conjugate()).normalized();
+  return Sim3d(scale, rotation, from.translation - scale * (rotation * to.translation));
+}
+
+Rigid3d InJoined(const Sim3d& joined_from_map, const Rigid3d& camera_from_map) {
+  return TransformPose(camera_from_map, joined_from_map).Inverse();
+}
+
+}  // namespace
+
+RunTrajectories MakeTrajectories(const FrameHistory& history, const std::map<MapId, MapReplica>& replicas) {
+  RunTrajectories result;
+  std::map<MapId, Trajectory> own;
+  std::vector<MapId> order;
+  for (const auto& [number, record] : history.records()) {
+    const auto replica = replicas.find(record.map);
+    if (replica == replicas.end()) continue;
+    const auto camera_from_map = FrameHistory::CameraFromMap(replica->second.map(), record);
+    if (!camera_from_map) continue;
+    const auto [entry, is_new] = result.map_numbers.emplace(record.map, static_cast<int>(result.map_numbers.size()));
+    if (is_new) order.push_back(record.map);
+    const TrajectoryPose pose{record.stamp, camera_from_map->Inverse(), entry->second};
+    result.per_map.push_back(pose);
+    own[record.map].push_back(pose);
+    if (record.online) result.online.push_back({record.stamp, record.online_camera_from_map.Inverse(), entry->second});
+  }
+  Trajectory last;
+  for (const MapId map : order) {
+    const Sim3d joined_from_map = last.empty() ? Sim3d() : Continue(last, own[map]);
+    result.joined_from_map[map] = joined_from_map;
+    last.clear();
+    for (const TrajectoryPose& pose : own[map]) {
+      last.push_back({pose.stamp, InJoined(joined_from_map, pose.world_from_camera.Inverse()), pose.map});
+    }
+    result.joined.insert(result.joined.end(), last.begin(), last.end());
+    for (const auto& [id, keyframe] : replicas.at(map).map().keyframes()) {
+      result.keyframes.push_back(
+          {keyframe.data->stamp, InJoined(joined_from_map, keyframe.camera_from_map), result.map_numbers[map]});
+    }
+  }
+  const auto by_stamp = [](const TrajectoryPose& a, const TrajectoryPose& b) { return a.stamp < b.stamp; };
+  std::stable_sort(result.joined.begin(), result.joined.end(), by_stamp);
+  std::stable_sort(result.keyframes.begin(), result.keyframes.end(), by_stamp);
+  return result;
+}
+
+}  // namespace portolan

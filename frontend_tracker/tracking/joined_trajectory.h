@@ -1,0 +1,29 @@
+#pragma once
+
+#include <map>
+#include <vector>
+
+#include "base/ids.h"
+#include "dataset/trajectory_io.h"
+#include "geometry/sim3.h"
+#include "map/map_replica.h"
+#include "tracking/frame_history.h"
+
+namespace portolan {
+
+/// The trajectories of a run, from the tracked frames and the maps as they are now. Maps are numbered from 0 in the order in which the camera came
+/// into them.
+struct RunTrajectories {
+  Trajectory joined;    ///< every tracked frame, in the first map's frame
+  Trajectory per_map;   ///< the same in each map's own frame, with its number
+  Trajectory online;    ///< as known when the frame was tracked; only frames tracked at their time, with the map's number
+  Trajectory keyframes; ///< of all maps, joined
+  std::map<MapId, int> map_numbers;
+  std::map<MapId, Sim3d> joined_from_map;
+};
+
+/// Without a link between two maps, the later one is hung on the earlier by assumption: the camera went on from where it was last, as fast as before
+/// (median speed over kSpeedFrames frames on each side gives the scale). A later issue's links replace the assumption where they exist.
+RunTrajectories MakeTrajectories(const FrameHistory& history, const std::map<MapId, MapReplica>& replicas);
+
+}  // namespace portolan

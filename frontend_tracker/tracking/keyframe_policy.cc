@@ -1,0 +1,69 @@
+#include "tracking/keyframe_policy.h"
+
+#include <algorithm>
+#include <limits>
+
+namespace portolan {
+namespace {
+
+/// Mean depth of the landmarks that a frame tracks, map units; 0 if none.
+double MeanDepth(const Map& map, const Frame& frame) {
+  double sum = 0;
+  int count = 0;
+  for (const MapPointId id : frame.landmarks) {
+    const MapPoint* point = id.IsValid() ? map.FindPoint(id) : nullptr;
+    if (point == nullptr) continue;
+    sum += (frame.camera_from_map * point->position_in_map.cast<double>()).z();
+    ++count;
+  }
+  return count > 0 ? sum / count : 0;
+}
+
+double DistanceToNearestKeyFrame(const Map& map, const Rigid3d& camera_from_map) {
+  const Eigen::Vector3d centre = camera_from_map.TargetOriginInSource();
+  double nearest = std::numeric_limits<double>::infinity();
+  for (const auto& [id, keyframe] : map.keyframes()) {
+    nearest = std::min(nearest, (keyframe.camera_from_map.TargetOriginInSource() - centre).norm());
+  }
+  return nearest;
+}
+
+}  // namespace
+
+void KeyFramePolicy::StartMap(const Map& map) {
+  first_distance_over_depth_ = 0;
+  if (map.keyframes().size() < 2) return;
+  const KeyFrame& first = map.keyframes().begin()->second;
+  const KeyFrame& second = std::next(map.keyframes().begin())->second;
+  const double distance =
+      (first.camera_from_map.TargetOriginInSource() - second.camera_from_map.TargetOriginInSource()).norm();
+  const double depth = map.MedianDepth(first.data->id);
+  if (depth > 0) first_distance_over_depth_ = distance / depth;
+}
+
+bool KeyFramePolicy::IsQualityGood(const Frame& frame) const {
+  return frame.num_inliers >= options_.min_points && frame.Quality() > options_.min_quality;
+}
+
+bool KeyFramePolicy::IsFarEnough(const Map& map, const Frame& frame) const {
+  const double depth = MeanDepth(map, frame);
+  if (depth <= 0) return false;
+  const double distance = DistanceToNearestKeyFrame(map, frame.camera_from_map);
+  return distance / depth > options_.distance_factor * first_distance_over_depth_;  // paper Eq. (7)
+}
+
+bool KeyFramePolicy::IsViewNew(const Map& map, const Frame& frame) const {
+  const KeyFrame* reference = map.FindKeyFrame(frame.reference);
+  if (reference == nullptr) return false;
+  const auto seen = std::count_if(reference->landmarks.begin(), reference->landmarks.end(), [](MapPointId id) { return id.IsValid(); });
+  return frame.num_inliers < options_.max_reference_overlap * static_cast<double>(seen);
+}
+
+KeyFramePolicy::Decision KeyFramePolicy::Decide(const Map& map, const Frame& frame, bool mapper_idle) const {
+  if (!IsQualityGood(frame)) return Decision::kNo;
+  if (SecondsBetween(last_keyframe_stamp_, frame.stamp) < options_.min_interval_s) return Decision::kNo;
+  if (!IsFarEnough(map, frame) && !IsViewNew(map, frame)) return Decision::kNo;
+  return mapper_idle ? Decision::kInsert : Decision::kInterrupt;
+}
+
+}  // namespace portolan

@@ -1,0 +1,39 @@
+#pragma once
+
+#include "map/map.h"
+#include "tracking/frame.h"
+#include "tracking/tracker_options.h"
+
+namespace portolan {
+
+/// Decides which frames become keyframes (paper Sec. 3.3): as many as the mapper can take, of those which are tracked well and far enough from
+/// the others.
+class KeyFramePolicy {
+ public:
+  explicit KeyFramePolicy(const KeyFramePolicyOptions& options) : options_(options) {}
+
+  /// Remembers s_01 / d_0 of a new map's first two keyframes, the right side of Eq. (7).
+  void StartMap(const Map& map);
+  void NoteKeyFrame(Timestamp stamp) { last_keyframe_stamp_ = stamp; }
+
+  enum class Decision {
+    kNo,         ///< quality is poor, or too near to another keyframe
+    kInsert,
+    kInterrupt,  ///< only the busy mapper is in the way: tell it to stop optimising (paper Sec. 3.3)
+  };
+  Decision Decide(const Map& map, const Frame& frame, bool mapper_idle) const;
+
+  /// First condition: at least 10 points and s = n / m > 0.7.
+  bool IsQualityGood(const Frame& frame) const;
+  /// Second condition, Eq. (7): s_ci / d_c > s_01 / d_0.
+  bool IsFarEnough(const Map& map, const Frame& frame) const;
+  /// Beyond the paper: the frame has lost sight of much of what its reference keyframe sees, as when the camera turns.
+  bool IsViewNew(const Map& map, const Frame& frame) const;
+
+ private:
+  KeyFramePolicyOptions options_;
+  double first_distance_over_depth_ = 0;  // s_01 / d_0
+  Timestamp last_keyframe_stamp_{INT64_MIN / 2};
+};
+
+}  // namespace portolan

@@ -1,0 +1,30 @@
+#pragma once
+
+#include <functional>
+
+#include "map/map.h"
+#include "tracking/coarse_to_fine.h"
+#include "tracking/frame.h"
+#include "tracking/tracker_options.h"
+#include "vocabulary/keyframe_index.h"
+
+namespace portolan {
+
+/// Global relocalisation (paper Sec. 3.1, lower branch of Fig. 2): candidate keyframes by shared visual words, matches by vocabulary node, EPnP in
+/// RANSAC, then the same coarse-to-fine tracking with the candidate as reference.
+class Relocalizer {
+ public:
+  Relocalizer(const RelocalizerOptions& options, uint64_t seed) : options_(options), seed_(seed) {}
+
+  /// @param frame with words computed. On success it is tracked (pose, landmarks, counts).
+  bool Relocalize(const Map& map, const KeyFrameIndex& index, MapTracker* tracker, Frame* frame) const;
+
+  /// The same against one keyframe, from matches by node alone: when the motion model failed but the place is known. @param min_inliers to accept.
+  bool TrackKeyFrame(const Map& map, KeyFrameId keyframe, int min_inliers, MapTracker* tracker, Frame* frame) const;
+
+ private:
+  RelocalizerOptions options_;
+  uint64_t seed_;
+};
+
+}  // namespace portolan

@@ -1,0 +1,270 @@
+#include "tracking/tracker.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace portolan {
+
+Tracker::Tracker(const TrackerOptions& options, const CameraModel& camera, std::shared_ptr<const Vocabulary> vocabulary, RobotId robot,
+                 uint32_t session)
+    : options_(options),
+      camera_(camera),
+      vocabulary_(std::move(vocabulary)),
+      extractor_(options.orb),
+      rotation_estimator_(camera.pinhole),
+      map_tracker_(options.map_tracking),
+      relocalizer_(options.relocalizer, options.seed),
+      keyframe_policy_(options.keyframe),
+      initializer_(options.initializer),
+      keyframe_ids_(robot, session),
+      map_ids_(robot, session) {}
+
+Tracker::Output Tracker::Track(const Image& image) {
+  const Stopwatch whole;
+  Output output;
+  ApplyPending();
+  if (!active_map_.IsValid() && !new_map_.IsValid()) StartNewMap(&output);
+  Frame frame = MakeFrame(image);
+
+  if (pending_pair_ && replicas_.at(new_map_).map().keyframes().size() >= 2) BeginTracking();
+  if (state_ == TrackingState::kInitializing || state_ == TrackingState::kLost) {
+    Initialize(frame, &output);
+  } else if (TrackInMap(&frame)) {
+    OnTracked(&frame, &output);
+  } else {
+    OnFailed(frame, &output);
+  }
+  const bool tracked = state_ == TrackingState::kTracking;
+  output.state.frame = frame.number;
+  output.state.stamp = frame.stamp;
+  output.state.state = state_;
+  output.state.map = tracked ? active_map_ : MapId();
+  if (tracked) output.state.camera_from_map = last_frame_->camera_from_map;
+  output.state.quality = static_cast<float>(last_frame_ && tracked ? last_frame_->Quality() : 0);
+  output.state.num_inliers = static_cast<uint32_t>(last_frame_ && tracked ? last_frame_->num_inliers : 0);
+  output.state.num_candidates = static_cast<uint32_t>(last_frame_ && tracked ? last_frame_->num_candidates : 0);
+  const double milliseconds = whole.Milliseconds();
+  output.state.frame_ms = static_cast<float>(milliseconds);
+  stage_times_.Add("frame", milliseconds);
+  return output;
+}
+
+Frame Tracker::MakeFrame(const Image& image) {
+  Stopwatch stopwatch;
+  KeyFrameData data;
+  data.stamp = image.stamp;
+  data.frame = image.frame;
+  data.camera = camera_.pinhole;
+  data.pyramid = options_.orb.pyramid;
+  data.features = extractor_.Extract(image.grey, camera_);
+  Frame frame;
+  frame.number = image.frame;
+  frame.stamp = image.stamp;
+  frame.landmarks.resize(data.features.size());
+  frame.data = MakeKeyFrameData(std::move(data), nullptr);
+  stage_times_.Add("extract", stopwatch.Milliseconds());
+  stopwatch.Restart();
+  if (options_.use_esm) frame.small = RotationEstimator::Shrink(image.grey);
+  stage_times_.Add("shrink", stopwatch.Milliseconds());
+  return frame;
+}
+
+void Tracker::AddWords(Frame* frame) const {
+  if (!frame->data->bow.empty() || vocabulary_ == nullptr) return;
+  frame->data = MakeKeyFrameData(*frame->data, vocabulary_.get());
+}
+
+Eigen::Quaterniond Tracker::EstimateRotation(const Frame& frame, const Eigen::Quaterniond& predicted) {
+  if (!options_.use_esm || !last_frame_ || last_frame_->small.values.empty()) return predicted;
+  const Stopwatch stopwatch;
+  const auto estimate = rotation_estimator_.EstimateRotation(last_frame_->small, frame.small, predicted);
+  stage_times_.Add("esm", stopwatch.Milliseconds());
+  return estimate.ok ? estimate.current_from_reference : predicted;
+}
+
+Rigid3d Tracker::PredictPose(const Frame& frame) {
+  // Translation from the decaying velocity (paper Eq. 1, 2), rotation from the image (Eq. 3-6).
+  const Rigid3d by_velocity = velocity_model_.Predict(frame.stamp);
+  if (!options_.use_esm) return by_velocity;
+  const Rigid3d& last = last_frame_->camera_from_map;
+  const Eigen::Quaterniond predicted_turn = by_velocity.rotation * last.rotation.conjugate();
+  const Eigen::Quaterniond turn = EstimateRotation(frame, lost_frames_ == 0 ? predicted_turn : Eigen::Quaterniond::Identity());
+  const Eigen::Quaterniond rotation = (turn * last.rotation).normalized();
+  const Eigen::Vector3d centre = by_velocity.TargetOriginInSource();
+  return Rigid3d(rotation, -(rotation * centre));
+}
+
+bool Tracker::TrackByMotion(const Map& map, Frame* frame) {
+  const Rigid3d predicted = PredictPose(*frame);
+  Stopwatch stopwatch;
+  const MapTrackingOptions& options = options_.map_tracking;
+  int inliers = map_tracker_.TrackCoarse(map, reference_, predicted, options.coarse_radius_px, frame);
+  if (inliers < options.min_coarse_inliers) inliers = map_tracker_.TrackCoarse(map, reference_, predicted, options.wide_radius_px, frame);
+  stage_times_.Add("coarse", stopwatch.Milliseconds());
+  if (inliers < options_.keyframe.min_points) {
+    frame->camera_from_map = predicted;
+    return false;
+  }
+  stopwatch.Restart();
+  inliers = map_tracker_.TrackFine(map, frame);
+  stage_times_.Add("fine", stopwatch.Milliseconds());
+  return inliers >= options_.min_tracked_points;
+}
+
+bool Tracker::TrackInMap(Frame* frame) {
+  const Map& map = ActiveReplica().map();
+  if (!reference_.empty() && TrackByMotion(map, frame)) return true;
+  // Quality is poor: global relocalisation (paper Fig. 2), the place where the camera was last first.
+  const Stopwatch stopwatch;
+  const Rigid3d predicted = frame->camera_from_map;
+  AddWords(frame);
+  const bool found = relocalizer_.TrackKeyFrame(map, reference_keyframe_, options_.min_tracked_points, &map_tracker_, frame) ||
+                     relocalizer_.Relocalize(map, index_, &map_tracker_, frame);
+  stage_times_.Add("relocalize", stopwatch.Milliseconds());
+  if (found) {
+    velocity_model_.Reset();
+  } else {
+    frame->camera_from_map = predicted;
+  }
+  return found;
+}
+
+void Tracker::OnTracked(Frame* frame, Output* output) {
+  const Map& map = ActiveReplica().map();
+  state_ = TrackingState::kTracking;
+  lost_frames_ = 0;
+  velocity_model_.Update(frame->stamp, frame->camera_from_map);
+  reference_keyframe_ = frame->reference;
+  reference_ = ReferenceLandmarks(map, *frame->data, frame->landmarks);
+  history_.Add(map, *frame, true);
+  ConsiderKeyFrame(frame, output);
+  last_frame_ = std::move(*frame);
+  BackfillOne();
+}
+
+void Tracker::OnFailed(const Frame& frame, Output* output) {
+  ++lost_frames_;
+  state_ = TrackingState::kRelocalizing;
+  last_frame_ = frame;  // its pose is the prediction, from which ESM goes on
+  // "If tracking fails for more than five consecutive frames, the tracker is considered to be lost" (paper Sec. 3).
+  if (lost_frames_ > options_.max_lost_frames) {
+    state_ = TrackingState::kLost;
+    StartNewMap(output);
+  }
+}
+
+void Tracker::ConsiderKeyFrame(Frame* frame, Output* output) {
+  const Map& map = ActiveReplica().map();
+  const auto decision = keyframe_policy_.Decide(map, *frame, IsMapperIdle());
+  output->state.interrupt_mapper = decision == KeyFramePolicy::Decision::kInterrupt;
+  if (decision != KeyFramePolicy::Decision::kInsert) return;
+  const Stopwatch stopwatch;
+  KeyFrameMessage message;
+  message.map = active_map_;
+  message.reference = frame->reference;
+  message.camera_from_map = frame->camera_from_map;
+  for (size_t i = 0; i < frame->landmarks.size(); ++i) {
+    if (frame->landmarks[i].IsValid()) message.landmarks.emplace_back(static_cast<uint32_t>(i), frame->landmarks[i]);
+  }
+  const KeyFrameId id = Send(KeyFrameKind::kTracked, frame, std::move(message), output);
+  history_.NoteKeyFrame(frame->number, id);
+  stage_times_.Add("keyframe", stopwatch.Milliseconds());
+}
+
+KeyFrameId Tracker::Send(KeyFrameKind kind, Frame* frame, KeyFrameMessage message, Output* output) {
+  AddWords(frame);
+  KeyFrameData data = *frame->data;
+  data.id = keyframe_ids_.Next();
+  message.kind = kind;
+  message.data = data;
+  message.vocabulary_hash = vocabulary_ != nullptr ? vocabulary_->hash() : 0;
+  auto shared = std::make_shared<const KeyFrameData>(std::move(data));
+  const KeyFrameId id = shared->id;
+  replicas_.at(message.map).AddKeyFrameData(shared);
+  frame->data = std::move(shared);
+  unacknowledged_[id] = message;
+  awaited_keyframe_ = id;
+  keyframe_policy_.NoteKeyFrame(frame->stamp);
+  ++num_keyframes_sent_;
+  output->keyframes.push_back(std::move(message));
+  return id;
+}
+
+bool Tracker::IsMapperIdle() const { return !awaited_keyframe_ && mapper_state_.idle; }
+
+void Tracker::AddDelta(MapDelta delta) {
+  const auto replica = replicas_.find(delta.map);
+  if (replica != replicas_.end()) replica->second.AddDelta(std::move(delta));
+}
+
+void Tracker::AddKeyFrameData(std::shared_ptr<const KeyFrameData> data) {
+  if (active_map_.IsValid()) ActiveReplica().AddKeyFrameData(std::move(data));
+}
+
+void Tracker::OnMapperState(const MapperState& state) {
+  mapper_state_ = state;
+  if (awaited_keyframe_ && (state.last_keyframe == *awaited_keyframe_ || state.refused_keyframe == *awaited_keyframe_)) {
+    awaited_keyframe_.reset();
+  }
+  if (state.refused_keyframe.IsValid()) {
+    unacknowledged_.erase(state.refused_keyframe);
+    if (pending_pair_ && pending_pair_->second.data->id == state.refused_keyframe) {
+      // The same first frame goes on, with later frames against it.
+      pending_pair_.reset();
+      waiting_frames_.clear();
+    }
+  }
+}
+
+void Tracker::ApplyPending() {
+  const Stopwatch stopwatch;
+  for (auto& [id, replica] : replicas_) {
+    if (replica.waiting() == 0) continue;
+    for (const MapDelta& delta : replica.ApplyPending()) OnApplied(replica.map(), delta);
+  }
+  stage_times_.Add("apply", stopwatch.Milliseconds());
+}
+
+void Tracker::OnApplied(const Map& map, const MapDelta& delta) {
+  for (const MapDelta::KeyFrameState& state : delta.keyframes) {
+    unacknowledged_.erase(state.id);
+    const KeyFrame* keyframe = map.FindKeyFrame(state.id);  // null if a later delta of the same batch removed it again
+    if (map.id() == active_map_ && keyframe != nullptr) index_.Add(state.id, keyframe->data->bow);
+  }
+  for (const MapDelta::RemovedKeyFrame& removed : delta.removed_keyframes) {
+    if (map.id() == active_map_) index_.Remove(removed.id);
+    if (reference_keyframe_ == removed.id) reference_keyframe_ = removed.anchor;
+  }
+  history_.OnDelta(map, delta);
+  if (map.id() != active_map_) return;
+  // What the tracker holds of the map follows merges and new positions.
+  std::map<MapPointId, MapPointId> replaced;
+  for (const MapDelta::RemovedPoint& removed : delta.removed_points) replaced[removed.id] = removed.replaced_by;
+  std::vector<ReferenceLandmark> kept;
+  for (ReferenceLandmark& landmark : reference_) {
+    for (auto by = replaced.find(landmark.id); by != replaced.end(); by = replaced.find(landmark.id)) landmark.id = by->second;
+    const MapPoint* point = landmark.id.IsValid() ? map.FindPoint(landmark.id) : nullptr;
+    if (point == nullptr) continue;
+    landmark.position_in_map = point->position_in_map.cast<double>();
+    kept.push_back(landmark);
+  }
+  reference_ = std::move(kept);
+}
+
+std::vector<KeyFrameMessage> Tracker::UnacknowledgedKeyFrames() const {
+  std::vector<KeyFrameMessage> messages;
+  for (const auto& [id, message] : unacknowledged_) messages.push_back(message);
+  return messages;
+}
+
+std::optional<KeyFrameId> Tracker::AwaitedKeyFrame() const { return awaited_keyframe_; }
+
+std::vector<const MapReplica*> Tracker::ReplicasInNeed() const {
+  std::vector<const MapReplica*> in_need;
+  for (const auto& [id, replica] : replicas_) {
+    if (replica.NeedsSnapshot()) in_need.push_back(&replica);
+  }
+  return in_need;
+}
+
+}  // namespace portolan

@@ -1,0 +1,62 @@
+#pragma once
+
+#include "base/result.h"
+#include "features/orb_extractor.h"
+
+namespace portolan {
+
+/// Coarse-to-fine tracking in the map (paper Sec. 3.2).
+struct MapTrackingOptions {
+  double coarse_radius_px = 15.0;      ///< search window of the first stage, at level 0; grows with the feature's level
+  double wide_radius_px = 45.0;        ///< when the first stage finds too little
+  double fine_radius_px = 4.0;         ///< second stage, when the first had enough inliers
+  double fine_wide_radius_px = 10.0;   ///< second stage, when it had not
+  int min_coarse_inliers = 20;         ///< enough for the narrow second stage
+  int max_distance = 100;              ///< Hamming, of 256 bits: frames follow each other closely, geometry vouches for the rest
+  double ratio = 0.8;                  ///< best over second best of the same level, second stage
+  double min_view_cosine = 0.5;        ///< a landmark seen from more than 60 degrees off its mean direction is left out
+  int max_local_keyframes = 60;        ///< bounds the local map, and with it the time for a frame
+};
+
+/// When a frame becomes a keyframe (paper Sec. 3.3).
+struct KeyFramePolicyOptions {
+  int min_points = 10;                 ///< fewer tracked points: quality is poor (paper)
+  double min_quality = 0.7;            ///< s = n / m above it: quality is good (paper)
+  double max_reference_overlap = 0.75; ///< beyond the paper: share of the reference keyframe's landmarks still tracked, below which the view
+                                       ///< has changed enough even without translation (rotation into the unseen)
+  double min_interval_s = 0.0;         ///< at least this long after the last keyframe
+  double distance_factor = 1.0;        ///< scales the right side of Eq. (7)
+};
+
+/// Choosing the two frames of a new map (paper Sec. 4.1).
+struct InitializerOptions {
+  int min_features = 150;              ///< in a frame, to be the first
+  int min_matches = 100;               ///< with the first frame, below it the first frame is set anew
+  double min_baseline_px = 20.0;       ///< median image motion after compensation of the rotation (paper Eq. 8)
+  double reference_focal_px = 500.0;   ///< for shorter focal lengths the baseline shrinks in proportion, so that it stays an angle
+  double search_radius_px = 60.0;      ///< around the predicted location
+  int max_frames = 90;                 ///< after so many the first frame is set anew
+};
+
+struct RelocalizerOptions {
+  int max_candidates = 5;
+  int min_matches = 15;                ///< by bag of words, to try EPnP
+  int min_inliers = 30;                ///< after the second stage, to believe it: more than for tracking, as no motion model vouches for it
+};
+
+struct TrackerOptions {
+  OrbOptions orb;
+  MapTrackingOptions map_tracking;
+  KeyFramePolicyOptions keyframe;
+  InitializerOptions initializer;
+  RelocalizerOptions relocalizer;
+  int min_tracked_points = 20;         ///< inliers of a frame that counts as tracked
+  int max_lost_frames = 5;             ///< "more than five frames" that can't be tracked: lost (paper Sec. 3.4)
+  bool use_esm = true;                 ///< rotation from ESM (Eq. 3-6); off: from the velocity model
+  uint64_t seed = 1;
+
+  /// Ranges of every field; the message names the key.
+  Status Check() const;
+};
+
+}  // namespace portolan

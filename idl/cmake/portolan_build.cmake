@@ -1,0 +1,75 @@
+# What every Portolan package builds with: C++17, warnings as errors, sanitizers by one flag, one way to declare
+# libraries, executables and tests. Installed by portolan_idl, the first package in the order, and included by its Config.
+
+if(TARGET portolan_flags)
+  return()  # a copy of this file at another path was included already
+endif()
+
+set(CMAKE_CXX_STANDARD 17)
+set(CMAKE_CXX_STANDARD_REQUIRED ON)
+set(CMAKE_CXX_EXTENSIONS OFF)
+set(CMAKE_POSITION_INDEPENDENT_CODE ON)
+set_property(GLOBAL PROPERTY GLOBAL_DEPENDS_NO_CYCLES ON)
+
+if(NOT CMAKE_BUILD_TYPE)
+  set(CMAKE_BUILD_TYPE RelWithDebInfo CACHE STRING "" FORCE)
+endif()
+set(CMAKE_CXX_FLAGS_RELWITHDEBINFO "-O2 -g1" CACHE STRING "" FORCE)
+
+set(PORTOLAN_SANITIZE "" CACHE STRING "Sanitizers: empty, 'address,undefined' or 'thread'")
+# x86-64-v2 (2009 and later) has POPCNT, which Hamming distances live on; it leaves Eigen's alignment as Debian's Ceres has it.
+if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
+  set(PORTOLAN_MARCH "x86-64-v2" CACHE STRING "Value of -march")
+endif()
+
+# Headers are included by their path below this folder: "geometry/rigid3.h".
+if(NOT PORTOLAN_INCLUDE_ROOT)
+  set(PORTOLAN_INCLUDE_ROOT ${PROJECT_SOURCE_DIR})
+endif()
+
+find_program(PORTOLAN_CCACHE ccache)
+if(PORTOLAN_CCACHE)
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${PORTOLAN_CCACHE})
+endif()
+
+add_library(portolan_flags INTERFACE)
+target_compile_options(portolan_flags INTERFACE -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Werror)
+if(PORTOLAN_MARCH)
+  add_compile_options(-march=${PORTOLAN_MARCH})
+endif()
+if(PORTOLAN_SANITIZE)
+  add_compile_options(-fsanitize=${PORTOLAN_SANITIZE} -fno-omit-frame-pointer)
+  add_link_options(-fsanitize=${PORTOLAN_SANITIZE})
+endif()
+
+# portolan_library(NAME SOURCES a.cc ... DEPENDS lib ...): a static library of this folder, with the package's warnings.
+function(portolan_library name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS" ${ARGN})
+  add_library(${name} STATIC ${ARG_SOURCES})
+  target_link_libraries(${name} PUBLIC ${ARG_DEPENDS} PRIVATE $<BUILD_INTERFACE:portolan_flags>)
+  target_include_directories(${name} PUBLIC $<BUILD_INTERFACE:${PORTOLAN_INCLUDE_ROOT}> $<INSTALL_INTERFACE:include/portolan>)
+  set_property(GLOBAL APPEND PROPERTY PORTOLAN_LIBRARIES ${name})  # what a package exports
+endfunction()
+
+# portolan_executable(NAME SOURCES a.cc ... DEPENDS lib ...): a program, installed into bin/.
+function(portolan_executable name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS" ${ARGN})
+  add_executable(${name} ${ARG_SOURCES})
+  target_link_libraries(${name} PRIVATE ${ARG_DEPENDS} portolan_flags)
+  install(TARGETS ${name} RUNTIME DESTINATION bin)
+endfunction()
+
+# portolan_test(NAME SOURCES a_test.cc ... DEPENDS lib ... [TIMEOUT s] [LABELS l ...]): one GoogleTest program, one CTest entry.
+function(portolan_test name)
+  cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;DEPENDS;LABELS" ${ARGN})
+  if(NOT BUILD_TESTING)
+    return()
+  endif()
+  add_executable(${name} ${ARG_SOURCES})
+  target_link_libraries(${name} PRIVATE ${ARG_DEPENDS} portolan_flags GTest::gmock_main)
+  add_test(NAME ${name} COMMAND ${name} --gtest_output=xml:${CMAKE_BINARY_DIR}/test_results/${name}.xml)
+  if(NOT ARG_TIMEOUT)
+    set(ARG_TIMEOUT 300)
+  endif()
+  set_tests_properties(${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}")
+endfunction()

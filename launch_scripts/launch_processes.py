@@ -1,0 +1,186 @@
+"""Starts processes, each in a process group of its own, watches over them and ends them in order."""
+
+import os
+import select
+import signal
+import subprocess
+import sys
+import time
+
+from launch_arguments import FRONTEND
+
+# What a process is told to end by, and the seconds it then has: an orderly end saves maps; the rest is for a process that hangs.
+ENDING = ((signal.SIGINT, 20.0), (signal.SIGTERM, 5.0), (signal.SIGKILL, None))
+LOG_LINES_SHOWN = 15
+# A process must not outlive a launcher that was killed.
+END_WITH_LAUNCHER = ("setpriv", "--pdeathsig", "TERM")
+EXIT_FAILURE = 1
+
+
+def say(message):
+    print(f"portolan: {message}", file=sys.stderr, flush=True)
+
+
+def describe_code(code):
+    """Popen's return code in words."""
+    return f"killed by {signal.Signals(-code).name}" if code < 0 else f"code {code}"
+
+
+def shell_code(code):
+    """As a shell reports it: 128 + signal for a killed process."""
+    return 128 - code if code < 0 else code
+
+
+class Process:
+    """One running process and how far its ending has gone."""
+
+    def __init__(self, role, command, out):
+        self.role = role
+        self.output_path = out / "logs" / f"{role}.out"
+        with open(self.output_path, "wb") as output:
+            # The frontend's progress goes to the terminal; whatever else is said, to the log folder.
+            stdout = None if role == FRONTEND else output
+            self.child = subprocess.Popen([*END_WITH_LAUNCHER, *command], stdin=subprocess.DEVNULL, stdout=stdout, stderr=output,
+                                          process_group=0)
+        self.code = None
+        self.stage = -1  # index into ENDING of what it was told last
+        self.deadline = None
+
+    def reap(self):
+        """True if it ended since the last call."""
+        if self.code is not None or self.child.poll() is None:
+            return False
+        self.code = self.child.returncode
+        return True
+
+    def send(self, number):
+        try:
+            os.killpg(self.child.pid, number)
+        except ProcessLookupError:
+            pass  # it ended, to be reaped in a moment
+
+    def end(self, first=None):
+        """Tells it to end, by signal `first` if that is given; once."""
+        if self.stage < 0 and self.code is None:
+            self._tell(0, first)
+
+    def kill(self):
+        if self.code is None:
+            self._tell(len(ENDING) - 1)
+
+    def escalate(self, now):
+        """The next harder signal when its time is over."""
+        if self.deadline is None or self.code is not None or now < self.deadline:
+            return
+        say(f"{self.role} did not end within {ENDING[self.stage][1]:.0f} s: {ENDING[self.stage + 1][0].name}")
+        self._tell(self.stage + 1)
+
+    def last_lines(self):
+        lines = self.output_path.read_text(errors="replace").rstrip().split("\n")
+        return "\n".join(f"  {line}" for line in lines[-LOG_LINES_SHOWN:])
+
+    def _tell(self, stage, number=None):
+        self.stage = stage
+        seconds = ENDING[stage][1]
+        self.deadline = None if seconds is None else time.monotonic() + seconds
+        self.send(number or ENDING[stage][0])
+
+
+class Supervisor:
+    """A run from its first process to its last. When the frontend has ended, or a signal came and there is no frontend, the others are ended.
+
+    A back end that fails is reported at once, and the run goes on: the others are made to survive it.
+    """
+
+    def __init__(self, commands, out):
+        """commands: {role: command line}, in the order of their start."""
+        self.commands = commands
+        self.out = out
+        self.processes = {}
+        self.num_signals = 0
+        self.failures = []  # (role, shell's code), in order
+        self.codes = {}     # Popen's return codes
+
+    def run(self):
+        """Returns the exit code of the run."""
+        wakeup, old_handlers = self._catch_signals()
+        try:
+            self._start_all()
+            while self._running():
+                self._wait(wakeup)
+        finally:
+            for process in self._running():  # only after an exception
+                process.kill()
+            signal.set_wakeup_fd(-1)
+            for number, handler in old_handlers.items():
+                signal.signal(number, handler)
+            os.close(wakeup)
+            os.close(self._wakeup_writer)
+        return self._exit_code()
+
+    def _catch_signals(self):
+        """Signals, and ends of children, arrive as bytes in a pipe: nothing polls, nothing races."""
+        reader, self._wakeup_writer = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
+        signal.set_wakeup_fd(self._wakeup_writer, warn_on_full_buffer=False)
+        numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGCHLD)
+        return reader, {number: signal.signal(number, lambda *_: None) for number in numbers}
+
+    def _start_all(self):
+        for role, command in self.commands.items():
+            try:
+                self.processes[role] = Process(role, command, self.out)
+            except OSError as error:
+                say(f"{role} can't be started: {error}")
+                self.failures.append((role, EXIT_FAILURE))
+                self._end_all()
+                return
+
+    def _running(self):
+        return [process for process in self.processes.values() if process.code is None]
+
+    def _wait(self, wakeup):
+        deadlines = [process.deadline for process in self._running() if process.deadline is not None]
+        timeout = max(0.0, min(deadlines) - time.monotonic()) if deadlines else None
+        if select.select([wakeup], [], [], timeout)[0]:
+            for number in os.read(wakeup, 4096):
+                if number in (signal.SIGINT, signal.SIGTERM):
+                    self._on_signal(signal.Signals(number))
+        for process in self.processes.values():
+            if process.reap():
+                self._on_ended(process)
+        for process in self._running():
+            process.escalate(time.monotonic())
+
+    def _on_signal(self, number):
+        self.num_signals += 1
+        if self.num_signals > 1:
+            say("killing all processes")
+            for process in self._running():
+                process.kill()
+        elif FRONTEND in self.processes and self.processes[FRONTEND].code is None:
+            say(f"{number.name}: ending the run; once more kills it")
+            self.processes[FRONTEND].end(number)
+        else:
+            self._end_all()
+
+    def _end_all(self):
+        for process in self._running():
+            process.end()
+
+    def _on_ended(self, process):
+        self.codes[process.role] = process.code
+        expected = process.stage >= 0 or process.role == FRONTEND
+        if process.code != 0:
+            self.failures.append((process.role, shell_code(process.code)))
+            interrupted = self.num_signals > 0 and process.role == FRONTEND and shell_code(process.code) == 130
+            if not interrupted:
+                say(f"{process.role} failed ({describe_code(process.code)}); its last words, from {process.output_path}:\n"
+                    f"{process.last_lines()}")
+        elif not expected:
+            say(f"{process.role} ended by itself; the run goes on")
+        if process.role == FRONTEND:
+            self._end_all()
+
+    def _exit_code(self):
+        """The frontend's if that is not 0, else the first failure's."""
+        return dict(self.failures).get(FRONTEND) or (self.failures[0][1] if self.failures else 0)

@@ -1,0 +1,66 @@
+"""Merges what the processes left in OUT into summary.json."""
+
+import json
+import os
+
+from launch_arguments import FRONTEND
+
+# Figures of the run that the frontend knows; null if it left none.
+FRONTEND_KEYS = ("frames", "tracked", "dropped", "lost", "maps", "keyframes", "points", "loops", "switches", "fusions", "frame_ms")
+# Figures that each process has of its own.
+PROCESS_KEYS = ("stages_ms", "peak_memory_mb", "cpu_s", "dds", "priority", "counters")
+
+
+def read_reports(out, roles):
+    """What each process wrote at its end: {role: JSON object}, and messages on those which left none."""
+    reports, problems = {}, []
+    for role in roles:
+        path = out / f"{role}.json"
+        try:
+            report = json.loads(path.read_text())
+            if not isinstance(report, dict):
+                raise ValueError("expected a JSON object")
+            reports[role] = report
+        except FileNotFoundError:
+            problems.append(f"{role} left no figures ({path.name})")
+        except (OSError, ValueError) as error:
+            problems.append(f"{path}: {error}")
+    return reports, problems
+
+
+def merge(reports):
+    """The figures of a run: {role: report} into one object with the keys that scripts rely on."""
+    frontend = reports.get(FRONTEND, {})
+    summary = {key: frontend.get(key) for key in FRONTEND_KEYS}
+    for key in PROCESS_KEYS:
+        summary[key] = {role: report[key] for role, report in reports.items() if key in report}
+    bytes_sent = {}
+    for report in reports.values():
+        for topic, count in report.get("bytes_sent", {}).items():
+            bytes_sent[topic] = bytes_sent.get(topic, 0) + count
+    summary["bytes_sent"] = dict(sorted(bytes_sent.items()))
+    return summary
+
+
+def write_json(path, value):
+    """Under another name first, then renamed: never half a file."""
+    partial = path.with_name(path.name + ".partial")
+    with open(partial, "w") as file:
+        json.dump(value, file, indent=2)
+        file.write("\n")
+        file.flush()
+        os.fsync(file.fileno())
+    os.replace(partial, path)
+
+
+def describe(summary):
+    """The run in two lines."""
+    if summary["frames"] is None:
+        return "no figures of the frontend"
+    text = (f"{summary['tracked']} of {summary['frames']} frames tracked, {summary['dropped']} dropped, {summary['maps']} maps, "
+            f"{summary['keyframes']} keyframes, {summary['points']} points")
+    frame_ms = summary["frame_ms"] or {}
+    if frame_ms.get("median") is not None:  # null when no frame was tracked
+        text += f"; a frame takes {frame_ms['median']:.1f} ms (median), {frame_ms['p95']:.1f} ms (p95)"
+    cpu_s, memory_mb = sum(summary["cpu_s"].values()), sum(summary["peak_memory_mb"].values())
+    return text + f"\n  {cpu_s:.1f} s of CPU, {memory_mb:.0f} MB of memory at most, in {len(summary['cpu_s'])} processes"

@@ -1,0 +1,279 @@
+#!/usr/bin/env python3
+"""Tests of run.sh with stubs in place of the four programs (launch_stub.py)."""
+
+import json
+import os
+import pathlib
+import signal
+import subprocess
+import sys
+import tempfile
+import unittest
+from unittest import mock
+
+import launch_arguments
+import launch_processes
+import launch_summary
+
+HERE = pathlib.Path(__file__).resolve().parent
+BACK_ENDS = ("atlas_server", "backend_mapper", "loop_closer")
+# Generous: reached only if the launcher hangs.
+TIMEOUT_S = 60
+
+
+def report(role, **more):
+    return {"role": role, "dds": "fastdds", "priority": "nice 0", "peak_memory_mb": 100.0, "cpu_s": 2.5,
+            "stages_ms": {"work": {"median": 1.0, "p95": 2.0, "count": 3}}, "bytes_sent": {"process_status": 10}, "counters": {}, **more}
+
+
+FRONTEND_REPORT = report("frontend_tracker", bytes_sent={"keyframe": 7, "process_status": 5}, frames=10, tracked=9, lost=0, dropped=1, maps=1,
+                         keyframes=4, points=200, loops=0, switches=0, fusions=0, frame_ms={"median": 20.0, "p95": 30.0})
+
+
+class RunTest(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = pathlib.Path(folder.name)
+        self.out = self.folder / "out"
+        self.data = self.folder / "data"
+        self.data.mkdir()
+        self.bin = self.folder / "bin"
+        self.bin.mkdir()
+        for role in launch_arguments.ROLES:
+            program = self.bin / role.program
+            program.write_text(f"#!{sys.executable}\n" + (HERE / "launch_stub.py").read_text())
+            program.chmod(0o755)
+        self.up = self.folder / "up"
+        os.mkfifo(self.up)
+        # The frontend ends once all back ends are up; these wait to be ended.
+        self.behaviour = {role: {"announce": True, "wait": "signal", "report": report(role)} for role in BACK_ENDS}
+        self.behaviour["frontend_tracker"] = {"wait": "up", "others": len(BACK_ENDS), "report": FRONTEND_REPORT}
+
+    def environment(self):
+        return {**os.environ, "PORTOLAN_STUB": json.dumps(self.behaviour), "PORTOLAN_STUB_UP": str(self.up)}
+
+    def start(self, *arguments, data=True):
+        command = [str(HERE / "run.sh"), "--bin", str(self.bin), "--out", str(self.out), *arguments]
+        if data:
+            command += ["--data", str(self.data)]
+        process = subprocess.Popen(command, env=self.environment(), stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        self.addCleanup(process.communicate)
+        self.addCleanup(process.kill)  # first: cleanups run in reverse order
+        return process
+
+    def run_to_end(self, *arguments, data=True):
+        process = self.start(*arguments, data=data)
+        _, errors = process.communicate(timeout=TIMEOUT_S)
+        return process.returncode, errors
+
+    def summary(self):
+        return json.loads((self.out / "summary.json").read_text())
+
+    def arguments_of(self, role):
+        return json.loads((self.out / f"{role}.arguments").read_text())
+
+    def wait_until_up(self, count):
+        fifo = os.open(self.up, os.O_RDWR)
+        self.addCleanup(os.close, fifo)
+        for _ in range(count):
+            os.read(fifo, 1)
+
+    def read_until(self, process, text):
+        for line in process.stderr:
+            if text in line:
+                return
+        self.fail(f"'{text}' was never said")
+
+
+class WholeRunTest(RunTest):
+    def test_merges_the_figures_of_all_processes(self):
+        code, errors = self.run_to_end()
+        self.assertEqual(code, 0, errors)
+        summary = self.summary()
+        for key in ("frames", "tracked", "dropped", "lost", "maps", "keyframes", "points", "loops", "switches", "fusions", "frame_ms"):
+            self.assertEqual(summary[key], FRONTEND_REPORT[key])
+        self.assertEqual(summary["bytes_sent"], {"keyframe": 7, "process_status": 35})
+        roles = {*BACK_ENDS, "frontend_tracker"}
+        for key in ("stages_ms", "peak_memory_mb", "cpu_s", "dds", "priority"):
+            self.assertEqual(set(summary[key]), roles)
+        self.assertEqual(summary["exit_codes"], {role: 0 for role in roles})
+        self.assertEqual(summary["data"], str(self.data))
+
+    def test_passes_each_process_its_options(self):
+        config = self.folder / "my config.yaml"
+        config.write_text("")
+        code, errors = self.run_to_end("--config", str(config), "--set", "a.b=1", "--set", "c=[1, 2]", "--robot", "3", "--domain", "17",
+                                       "--peers", "10.0.0.1, 10.0.0.2", "--dds", "fastdds", "--dds-mapper", "cyclonedds", "--speed", "0.5")
+        self.assertEqual(code, 0, errors)
+        common = ["--out", str(self.out), "--config", str(config), "--set", "a.b=1", "--set", "c=[1, 2]",
+                  "--set", "dds.peers=[10.0.0.1, 10.0.0.2]", "--robot", "3", "--domain", "17", "--dds"]
+        self.assertEqual(self.arguments_of("backend_mapper"), [*common, "cyclonedds"])
+        self.assertEqual(self.arguments_of("loop_closer"), [*common, "fastdds"])
+        self.assertEqual(self.arguments_of("frontend_tracker"), [*common, "fastdds", "--data", str(self.data), "--speed", "0.5"])
+
+    def test_derives_one_domain_for_all(self):
+        self.run_to_end()
+        domains = {self.arguments_of(role)[self.arguments_of(role).index("--domain") + 1] for role in self.behaviour}
+        self.assertEqual(len(domains), 1)
+        self.assertIn(int(domains.pop()), range(1, 102))
+        self.assertNotIn("--dds", self.arguments_of("backend_mapper"))  # left to the configuration
+
+    def test_figures_of_an_earlier_run_are_not_taken(self):
+        self.run_to_end()
+        del self.behaviour["loop_closer"]["report"]
+        code, errors = self.run_to_end()
+        self.assertEqual(code, 0, errors)
+        self.assertIn("loop_closer left no figures", errors)
+        self.assertNotIn("loop_closer", self.summary()["cpu_s"])
+
+    def test_broken_report_is_named(self):
+        self.behaviour["loop_closer"]["report"] = [1]
+        _, errors = self.run_to_end()
+        self.assertIn("loop_closer.json: expected a JSON object", errors)
+
+
+class FailureTest(RunTest):
+    def test_exit_code_of_the_frontend_is_the_runs(self):
+        self.behaviour["frontend_tracker"].update(code=2, say="camera.yaml:3: fx: expected a number above 0")
+        code, errors = self.run_to_end()
+        self.assertEqual(code, 2)
+        self.assertIn("camera.yaml:3: fx", errors)
+        self.assertEqual(self.summary()["exit_codes"]["frontend_tracker"], 2)
+
+    def test_back_end_that_dies_is_reported_and_the_run_goes_on(self):
+        go_on = self.folder / "go_on"
+        os.mkfifo(go_on)
+        self.behaviour["backend_mapper"] = {"code": 4, "say": "map 0.1.1 has an owner"}
+        self.behaviour["frontend_tracker"].update(wait="file", path=str(go_on))
+        self.behaviour["atlas_server"] = self.behaviour["loop_closer"] = {"code": 0}
+        process = self.start()
+        self.read_until(process, "backend_mapper failed (code 4)")
+        self.read_until(process, "map 0.1.1 has an owner")
+        go_on.write_text("")
+        process.communicate(timeout=TIMEOUT_S)
+        self.assertEqual(process.returncode, 4)
+        self.assertEqual(self.summary()["frames"], 10)  # the frontend came to its end
+
+    def test_back_end_that_fails_at_its_end_counts(self):
+        self.behaviour["atlas_server"]["code"] = 1
+        self.assertEqual(self.run_to_end()[0], 1)
+
+    def test_program_that_cannot_start_is_a_failure(self):
+        (self.bin / "portolan_loop_closer").write_text("#!/no/such/interpreter\n")
+        self.behaviour["frontend_tracker"]["others"] = 2
+        code, errors = self.run_to_end()
+        self.assertNotEqual(code, 0)
+        self.assertIn("loop_closer failed", errors)
+
+    def test_start_that_fails_ends_those_started(self):
+        (self.out / "logs").mkdir(parents=True)
+        with mock.patch.object(launch_processes, "END_WITH_LAUNCHER", ("/no/such/program",)), mock.patch.object(launch_processes, "say") as say:
+            supervisor = launch_processes.Supervisor({"atlas_server": [], "frontend_tracker": []}, self.out)
+            self.assertEqual(supervisor.run(), launch_processes.EXIT_FAILURE)
+        say.assert_called_once()
+        self.assertIn("atlas_server can't be started", say.call_args.args[0])
+
+    def test_killed_launcher_leaves_no_process_behind(self):
+        self.behaviour["frontend_tracker"].update(announce=True, wait="signal")
+        process = self.start()
+        self.wait_until_up(4)
+        process.kill()
+        process.communicate(timeout=TIMEOUT_S)  # returns when nobody holds its standard output any more: the frontend ended
+
+
+class SignalTest(RunTest):
+    def test_interrupt_goes_to_the_frontend_then_to_the_others(self):
+        self.behaviour["frontend_tracker"].update(announce=True, wait="signal", code=130)
+        process = self.start()
+        self.wait_until_up(4)
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=TIMEOUT_S)
+        self.assertEqual(process.returncode, 130)
+        self.assertEqual(self.summary()["exit_codes"], {**{role: 0 for role in BACK_ENDS}, "frontend_tracker": 130})
+
+    def test_back_ends_alone_end_with_0_on_terminate(self):
+        process = self.start("--roles", "atlas,mapper", data=False)
+        self.wait_until_up(2)
+        process.send_signal(signal.SIGTERM)
+        process.communicate(timeout=TIMEOUT_S)
+        self.assertEqual(process.returncode, 0)
+        self.assertEqual(set(self.summary()["exit_codes"]), {"atlas_server", "backend_mapper"})
+        self.assertNotIn("--domain", self.arguments_of("atlas_server"))  # all machines must agree: the configuration's
+
+    def test_second_interrupt_kills(self):
+        for behaviour in self.behaviour.values():
+            behaviour.update(announce=True, wait="signal", ignore=["SIGINT", "SIGTERM"])
+        process = self.start()
+        self.wait_until_up(4)
+        process.send_signal(signal.SIGINT)
+        self.read_until(process, "once more kills it")
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=TIMEOUT_S)
+        self.assertEqual(process.returncode, 128 + signal.SIGKILL)
+        self.assertEqual(set(self.summary()["exit_codes"].values()), {-signal.SIGKILL})
+
+    def test_process_that_hangs_is_killed_in_the_end(self):
+        self.behaviour["loop_closer"]["ignore"] = ["SIGINT", "SIGTERM"]
+        self.out.mkdir()
+        (self.out / "logs").mkdir()
+        commands = {role.role: [str(self.bin / role.program), "--out", str(self.out)] for role in launch_arguments.ROLES}
+        quick = ((signal.SIGINT, 0.1), (signal.SIGTERM, 0.1), (signal.SIGKILL, None))
+        with mock.patch.object(launch_processes, "ENDING", quick), mock.patch.dict(os.environ, self.environment()), \
+                mock.patch.object(launch_processes, "say") as say:
+            supervisor = launch_processes.Supervisor(commands, self.out)
+            self.assertEqual(supervisor.run(), 128 + signal.SIGKILL)
+        self.assertEqual(supervisor.codes["loop_closer"], -signal.SIGKILL)
+        self.assertIn("loop_closer did not end within 0 s: SIGKILL", [call.args[0] for call in say.call_args_list])
+
+
+class ArgumentTest(RunTest):
+    def assert_refused(self, text, *arguments, data=True):
+        code, errors = self.run_to_end(*arguments, data=data)
+        self.assertEqual(code, launch_arguments.EXIT_USAGE, errors)
+        self.assertIn(text, errors)
+        self.assertFalse(self.out.exists(), "something was made before the arguments were checked")
+
+    def test_bad_arguments_are_refused_before_anything_starts(self):
+        self.assert_refused("--data is needed", data=False)
+        self.assert_refused("no such folder", "--data", str(self.folder / "none"), data=False)
+        self.assert_refused("--speed 0:", "--speed", "0")
+        self.assert_refused("--speed nan:", "--speed", "nan")
+        self.assert_refused("--speed fast:", "--speed", "fast")
+        self.assert_refused("opendds", "--dds", "opendds")
+        self.assert_refused("--dds-loop", "--dds-loop", "x")
+        self.assert_refused("--camera", "--camera", str(self.folder / "none.yaml"))
+        self.assert_refused("--config", "--config", str(self.data))
+        self.assert_refused("--set tracker", "--set", "tracker")
+        self.assert_refused("--set =1", "--set", "=1")
+        self.assert_refused("'tracker', expected some of", "--roles", "tracker")
+        self.assert_refused("none given", "--roles", ",")
+        self.assert_refused("--domain 231", "--domain", "231")
+        self.assert_refused("--robot -1", "--robot", "-1")
+        self.assert_refused("run launch_scripts/build.sh", "--bin", str(self.data))
+
+    def test_out_that_cannot_be_made_is_refused(self):
+        self.out.write_text("a file")
+        code, errors = self.run_to_end()
+        self.assertEqual(code, launch_arguments.EXIT_USAGE)
+        self.assertIn(f"--out {self.out}", errors)
+
+
+class DomainTest(unittest.TestCase):
+    def test_passes_over_domains_in_use(self):
+        with mock.patch.object(launch_arguments, "is_domain_free", lambda domain: domain == 5):
+            self.assertEqual(launch_arguments.derive_domain(4), 5)
+            self.assertEqual(launch_arguments.derive_domain(100), 5)
+        with mock.patch.object(launch_arguments, "is_domain_free", lambda domain: False):
+            self.assertIn(launch_arguments.derive_domain(12345), range(1, 102))
+
+
+class DescriptionTest(unittest.TestCase):
+    def test_run_without_a_tracked_frame(self):
+        summary = launch_summary.merge({"frontend_tracker": {**FRONTEND_REPORT, "frame_ms": {"median": None, "p95": None}}})
+        self.assertIn("9 of 10 frames tracked", launch_summary.describe(summary))
+        self.assertEqual(launch_summary.describe(launch_summary.merge({})), "no figures of the frontend")
+
+
+if __name__ == "__main__":
+    unittest.main()

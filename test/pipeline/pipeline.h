@@ -1,0 +1,37 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+
+#include "dataset/image_source.h"
+#include "mapping/local_mapper.h"
+#include "tracking/tracker.h"
+
+namespace portolan {
+
+/// Tracker and mapper in one thread, without DDS: what the processes do in lockstep, for tests and for work on the algorithm. After each frame the
+/// mapper takes in its keyframes completely before the next one. Deterministic.
+class Pipeline {
+ public:
+  Pipeline(const TrackerOptions& tracker_options, const MapperOptions& mapper_options, const CameraModel& camera,
+           std::shared_ptr<const Vocabulary> vocabulary);
+
+  Tracker::Output Track(const Image& image);
+
+  Tracker& tracker() { return tracker_; }
+  const Tracker& tracker() const { return tracker_; }
+  /// The mappers of all maps so far, by map.
+  const std::map<MapId, std::unique_ptr<LocalMapper>>& mappers() const { return mappers_; }
+
+ private:
+  void Map(const KeyFrameMessage& message);
+
+  MapperOptions mapper_options_;
+  std::shared_ptr<const Vocabulary> vocabulary_;
+  Tracker tracker_;
+  std::map<MapId, std::unique_ptr<LocalMapper>> mappers_;
+  std::map<KeyFrameId, std::shared_ptr<const KeyFrameData>> firsts_;
+  Epoch next_epoch_ = 1;
+};
+
+}  // namespace portolan

@@ -1,0 +1,111 @@
+// Runs tracker and mapper in one process on a data set, in lockstep: for work on the algorithm. Writes the trajectories of portolan's run.sh.
+
+#include <spdlog/spdlog.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <opencv2/core/utility.hpp>
+
+#include "base/log.h"
+#include "dataset/calibration.h"
+#include "dataset/image_source.h"
+#include "dataset/trajectory_io.h"
+#include "pipeline/pipeline.h"
+
+namespace portolan {
+namespace {
+
+int Run(const SourceOptions& source_options, const std::string& out, const TrackerOptions& tracker_options, const MapperOptions& mapper_options,
+        int every) {
+  auto vocabulary = Vocabulary::Open(Vocabulary::DefaultPath());
+  if (!vocabulary) {
+    spdlog::error("{}", vocabulary.error().message);
+    return 2;
+  }
+  auto source = OpenImageSource(source_options);
+  if (!source) {
+    spdlog::error("{}", source.error().message);
+    return 2;
+  }
+  Pipeline pipeline(tracker_options, mapper_options, (*source)->camera(), *vocabulary);
+  uint64_t frames = 0, tracked = 0;
+  for (;;) {
+    auto image = (*source)->Next();
+    if (!image) {
+      spdlog::warn("{}", image.error().message);
+      continue;
+    }
+    if (!*image) break;
+    if (every > 1 && (*image)->frame % static_cast<uint64_t>(every) != 0) continue;
+    ++frames;
+    const Tracker::Output output = pipeline.Track(**image);
+    tracked += output.state.state == TrackingState::kTracking;
+    spdlog::debug("frame {} state {} n {} m {} s {:.2f} map {} kf {} {:.1f} ms", output.state.frame, static_cast<int>(output.state.state),
+                  output.state.num_inliers, output.state.num_candidates, output.state.quality, ToString(output.state.map),
+                  output.keyframes.size(), output.state.frame_ms);
+  }
+  pipeline.tracker().FinishBackfill();
+  Trajectory trajectory;
+  std::map<MapId, int> numbers;
+  for (const auto& [frame, record] : pipeline.tracker().history().records()) {
+    const Map& map = pipeline.tracker().replicas().at(record.map).map();
+    const auto camera_from_map = FrameHistory::CameraFromMap(map, record);
+    const int number = numbers.emplace(record.map, static_cast<int>(numbers.size())).first->second;
+    if (camera_from_map) trajectory.push_back({record.stamp, camera_from_map->Inverse(), number});
+  }
+  for (const auto& [name, is_last] : {std::pair{"/trajectory.txt", false}, std::pair{"/trajectory_maps.txt", true}}) {
+    if (Status status = WriteTrajectory(out + name, trajectory, is_last); !status) {
+      spdlog::error("{}", status.error().message);
+      return 1;
+    }
+  }
+  std::printf("frames %zu online %zu trajectory %zu keyframes sent %zu\n", static_cast<size_t>(frames), static_cast<size_t>(tracked),
+              trajectory.size(), static_cast<size_t>(pipeline.tracker().num_keyframes_sent()));
+  for (const auto& [id, mapper] : pipeline.mappers()) {
+    std::printf("map %s: %zu keyframes, %zu points\n", ToString(id).c_str(), mapper->map().keyframes().size(), mapper->map().points().size());
+    for (const auto& [stage, samples] : mapper->stage_times().samples()) {
+      std::printf("  %-12s %6zu x median %6.1f p95 %6.1f ms\n", stage.c_str(), samples.size(), Quantile(samples, 0.5), Quantile(samples, 0.95));
+    }
+  }
+  for (const auto& [stage, samples] : pipeline.tracker().stage_times().samples()) {
+    std::printf("  %-12s %6zu x median %6.1f p95 %6.1f ms\n", stage.c_str(), samples.size(), Quantile(samples, 0.5), Quantile(samples, 0.95));
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace portolan
+
+int main(int argc, char** argv) {
+  CLI::App app("Tracker and mapper in one process on a data set, in lockstep");
+  portolan::SourceOptions source;
+  portolan::TrackerOptions tracker;
+  portolan::MapperOptions mapper;
+  std::string out = ".", level = "info";
+  int every = 1;
+  app.add_option("--data", source.data, "data set folder")->required();
+  app.add_option("--camera", source.camera_file);
+  app.add_option("--out", out);
+  app.add_option("--log", level);
+  app.add_option("--every", every, "take every n-th frame");
+  app.add_option("--first", source.first_frame);
+  app.add_option("--frames", source.max_frames);
+  app.add_option("--features", tracker.orb.num_features);
+  app.add_option("--overlap", tracker.keyframe.max_reference_overlap);
+  app.add_option("--distance", tracker.keyframe.distance_factor);
+  app.add_option("--interval", tracker.keyframe.min_interval_s);
+  app.add_option("--baseline", tracker.initializer.min_baseline_px);
+  app.add_option("--coarse", tracker.map_tracking.coarse_radius_px);
+  app.add_option("--subpixel", tracker.orb.subpixel);
+  app.add_option("--esm", tracker.use_esm);
+  CLI11_PARSE(app, argc, argv);
+  cv::setNumThreads(1);
+  portolan::LogOptions log;
+  log.process = "pipeline";
+  log.level = level;
+  if (auto status = portolan::SetUpLog(log); !status) {
+    std::fprintf(stderr, "%s\n", status.error().message.c_str());
+    return 2;
+  }
+  return portolan::Run(source, out, tracker, mapper, every);
+}
