@@ -73,7 +73,7 @@ show_progress() {
 show_failure() {
   local log found=no
   for log in log/latest_build/*/stdout_stderr.log; do
-    grep -qE '^FAILED: |CMake Error' "$log" || continue
+    grep -sqE '^FAILED: |CMake Error' "$log" || continue
     found=yes
     echo "--- $log"
     awk '/^FAILED: |CMake Error/ {found = 1} found && shown < 80 {print; ++shown}' "$log"

@@ -20,7 +20,7 @@ ROLES = (
 )
 FRONTEND = "frontend_tracker"
 VENDORS = ("fastdds", "cyclonedds")
-LOG_LEVELS = ("trace", "debug", "info", "warn", "error")
+LOG_LEVELS = ("trace", "debug", "info", "warn", "error", "off")
 EXIT_USAGE = 2
 
 # UDP ports of a domain start at 7400 + 250 x domain (DDSI-RTPS 9.6.1.1): those of the first 101 domains lie below Linux's ephemeral ports (32768).

@@ -11,10 +11,12 @@ namespace portolan {
 namespace {
 
 Status CheckFits(const MapCorrection& correction, const Map& map) {
-  const std::string name = "correction " + std::to_string(correction.number) + " (" + correction.kind + ") of " + ToString(correction.map);
+  const std::string name =
+      "correction " + std::to_string(correction.number) + " (" + correction.kind + ") of " + ToString(correction.map);
   if (correction.map != map.id()) return Error{name + ": the map here is " + ToString(map.id())};
   if (correction.epoch != map.epoch()) {
-    return Error{name + ": made in epoch " + std::to_string(correction.epoch) + ", now it is " + std::to_string(map.epoch())};
+    return Error{name + ": made in epoch " + std::to_string(correction.epoch) + ", now it is " +
+                 std::to_string(map.epoch())};
   }
   if (correction.made_from_revision > map.revision()) {
     return Error{name + ": made from revision " + std::to_string(correction.made_from_revision) + ", the map is at " +
@@ -24,18 +26,21 @@ Status CheckFits(const MapCorrection& correction, const Map& map) {
   for (const auto& keyframe : correction.keyframes) {
     const Sim3d& s = keyframe.camera_from_map;
     if (!std::isfinite(s.scale) || !(s.scale > 0) || !s.rotation.coeffs().allFinite() || !s.translation.allFinite()) {
-      return Error{name + ": keyframe " + ToString(keyframe.id) + " has a pose that is not a similarity, scale " + std::to_string(s.scale)};
+      return Error{name + ": keyframe " + ToString(keyframe.id) + " has a pose that is not a similarity, scale " +
+                   std::to_string(s.scale)};
     }
     any = any || map.FindKeyFrame(keyframe.id) != nullptr;
   }
   for (const auto& point : correction.points) {
     if (!point.position_in_map.allFinite()) return Error{name + ": point " + ToString(point.id) + " is not finite"};
   }
-  if (!any) return Error{name + ": none of its " + std::to_string(correction.keyframes.size()) + " keyframes is in the map"};
+  if (!any)
+    return Error{name + ": none of its " + std::to_string(correction.keyframes.size()) + " keyframes is in the map"};
   return Ok{};
 }
 
-/// Corrected camera_from_map of every keyframe: given, or that of the nearest corrected ancestor followed by the unchanged relative pose.
+/// Corrected camera_from_map of every keyframe: given, or that of the nearest corrected ancestor followed by the
+/// unchanged relative pose.
 class CorrectedPoses {
  public:
   CorrectedPoses(const MapCorrection& correction, const Map& map) : map_(map) {
@@ -49,7 +54,8 @@ class CorrectedPoses {
       const auto found = corrected_.find(ancestor);
       if (found == corrected_.end()) continue;
       if (ancestor == id) return found->second;
-      const Rigid3d own_from_ancestor = map_.keyframe(id).camera_from_map * map_.keyframe(ancestor).camera_from_map.Inverse();
+      const Rigid3d own_from_ancestor =
+          map_.keyframe(id).camera_from_map * map_.keyframe(ancestor).camera_from_map.Inverse();
       return Sim3d(own_from_ancestor) * found->second;
     }
     return Sim3d(map_.keyframe(id).camera_from_map);  // older than all of the correction: it stays

@@ -10,12 +10,13 @@
 
 namespace portolan {
 
-/// Applies a proposed correction (loop closure, FBA, global BA) to the map it was made for. Keyframes in it take their corrected poses, the
-/// similarity made rigid (paper Eq. 13); keyframes younger than its revision follow the nearest ancestor in it, by their relative pose (paper Sec. 6,
-/// step 3). Points in it take their positions; other points follow a keyframe that sees them. Then the merges.
-/// Keyframes, points and merges that no longer exist are passed over: the map went on since.
-/// @return the merges made (from, into). Fails, changing nothing, for another map or epoch, a revision to come, non-finite values, a scale that is not
-/// positive, or when no corrected keyframe is left in the map.
+/// Applies a proposed correction (loop closure, FBA, global BA) to the map it was made for. Keyframes in it take their
+/// corrected poses, the similarity made rigid (paper Eq. 13); keyframes younger than its revision follow the nearest
+/// ancestor in it, by their relative pose (paper Sec. 6, step 3). Points in it take their positions; other points
+/// follow a keyframe that sees them. Then the merges. Keyframes, points and merges that no longer exist are passed
+/// over: the map went on since.
+/// @return the merges made (from, into). Fails, changing nothing, for another map or epoch, a revision to come,
+/// non-finite values, a scale that is not positive, or when no corrected keyframe is left in the map.
 Result<std::vector<std::pair<MapPointId, MapPointId>>> ApplyMapCorrection(const MapCorrection& correction, Map* map);
 
 }  // namespace portolan

@@ -47,7 +47,8 @@ TEST_F(Correction, ASimilarityOfAllKeepsEveryReprojection) {
     EXPECT_LT((point.position_in_map.cast<double>() - moved).norm(), 1e-5);
     for (const Observation& o : point.observations) {
       const KeyFrame& keyframe = map_.keyframe(o.keyframe);
-      const Eigen::Vector2d pixel = keyframe.data->camera.Project(keyframe.camera_from_map * point.position_in_map.cast<double>());
+      const Eigen::Vector2d pixel =
+          keyframe.data->camera.Project(keyframe.camera_from_map * point.position_in_map.cast<double>());
       EXPECT_LT((pixel - keyframe.data->features.pixels_px[o.feature].cast<double>()).norm(), 1e-2);
     }
   }
@@ -96,9 +97,16 @@ TEST_F(Correction, RefusesWhatDoesNotFit) {
   refuses([](MapCorrection* c) { c->epoch = 77; }, "epoch 77");
   refuses([](MapCorrection* c) { c->made_from_revision = 999; }, "revision 999");
   refuses([](MapCorrection* c) { c->keyframes[0].camera_from_map.scale = 0; }, "not a similarity");
-  refuses([](MapCorrection* c) { c->keyframes[0].camera_from_map.translation.x() = std::numeric_limits<double>::quiet_NaN(); },
-          "not a similarity");
-  refuses([](MapCorrection* c) { c->points.push_back({MapPointId(1, 1, 1), Eigen::Vector3f::Constant(1.0f / 0.0f)}); }, "not finite");
+  refuses(
+      [](MapCorrection* c) {
+        c->keyframes[0].camera_from_map.translation.x() = std::numeric_limits<double>::quiet_NaN();
+      },
+      "not a similarity");
+  refuses(
+      [](MapCorrection* c) {
+        c->points.push_back({MapPointId(1, 1, 1), Eigen::Vector3f::Constant(1.0f / 0.0f)});
+      },
+      "not finite");
   refuses([](MapCorrection* c) { c->keyframes[0].id = KeyFrameId(4, 4, 4); }, "none of its");
 }
 

@@ -16,7 +16,8 @@ struct FreeFeatures {
   Eigen::ArrayXf x, y;           // pixels
   Eigen::ArrayXf squared_limit;  // of the distance to the line, pixels^2
 
-  FreeFeatures(const KeyFrameView& view, double chi2, const std::optional<Eigen::Vector2d>& epipole_px, double epipole_radius_px) {
+  FreeFeatures(const KeyFrameView& view, double chi2, const std::optional<Eigen::Vector2d>& epipole_px,
+               double epipole_radius_px) {
     const FeatureSet& features = view.data().features;
     index.reserve(features.size());
     for (uint32_t i = 0; i < features.size(); ++i) {
@@ -37,19 +38,23 @@ struct FreeFeatures {
   }
 };
 
-/// The image of a ray between two depths: a x + b y + c = 0 with (a, b) of length 1, and the stretch of the line that counts.
+/// The image of a ray between two depths: a x + b y + c = 0 with (a, b) of length 1, and the stretch of the line that
+/// counts.
 struct EpipolarSegment {
   float a, b, c;
   float begin, end;  // of the coordinate b x - a y along the line, which grows towards nearer points
 };
 
-/// The segment that a ray of the first camera leaves in the second, none if it lies behind the second camera from infinity on.
-/// @param ray the direction (x, y, 1) turned into the second camera's frame. @param origin the first camera's centre there.
+/// The segment that a ray of the first camera leaves in the second, none if it lies behind the second camera from
+/// infinity on.
+/// @param ray the direction (x, y, 1) turned into the second camera's frame. @param origin the first camera's centre
+/// there.
 std::optional<EpipolarSegment> ImageOfRay(const Eigen::Vector3d& ray, const Eigen::Vector3d& origin, double min_depth,
                                           const PinholeCamera& camera) {
   if (!(ray.z() > 0)) return std::nullopt;
   const Eigen::Vector2d far_px = camera.Project(ray);
-  // Derivative of the projection of ray + origin * inverse_depth at inverse depth 0: the direction in which points come nearer.
+  // Derivative of the projection of ray + origin * inverse_depth at inverse depth 0: the direction in which points come
+  // nearer.
   const Eigen::Vector2d towards(camera.fx * (origin.x() * ray.z() - ray.x() * origin.z()),
                                 camera.fy * (origin.y() * ray.z() - ray.y() * origin.z()));
   const double length = towards.norm();
@@ -61,7 +66,8 @@ std::optional<EpipolarSegment> ImageOfRay(const Eigen::Vector3d& ray, const Eige
   segment.b = static_cast<float>(along.x());
   segment.c = static_cast<float>(along.y() * far_px.x() - along.x() * far_px.y());
   segment.begin = static_cast<float>(along.dot(far_px));
-  segment.end = near_point.z() > 0 ? static_cast<float>(along.dot(camera.Project(near_point))) : std::numeric_limits<float>::max();
+  segment.end = near_point.z() > 0 ? static_cast<float>(along.dot(camera.Project(near_point)))
+                                   : std::numeric_limits<float>::max();
   return segment;
 }
 
@@ -72,8 +78,8 @@ struct Best {
 
 /// The free feature nearest in descriptor among those on the segment; none if none is within max_distance.
 std::optional<Best> BestOnSegment(const EpipolarSegment& segment, const FreeFeatures& candidates,
-                                  const std::vector<Descriptor>& descriptors, const Descriptor& descriptor, int max_distance,
-                                  Eigen::ArrayXf* excess) {
+                                  const std::vector<Descriptor>& descriptors, const Descriptor& descriptor,
+                                  int max_distance, Eigen::ArrayXf* excess) {
   *excess = (segment.a * candidates.x + segment.b * candidates.y + segment.c).square() - candidates.squared_limit;
   std::optional<Best> best;
   int best_distance = max_distance + 1;
@@ -108,7 +114,8 @@ std::vector<FeatureMatch> SearchEpipolar(const KeyFrameView& first, const KeyFra
   const FeatureSet& features = first.data().features;
   for (uint32_t i = 0; i < features.size(); ++i) {
     if (!first.IsFree(i)) continue;
-    const auto segment = ImageOfRay(rotation * first.camera().Unproject(first.Pixel(i)), origin, min_depth, second.camera());
+    const auto segment =
+        ImageOfRay(rotation * first.camera().Unproject(first.Pixel(i)), origin, min_depth, second.camera());
     if (!segment) continue;
     const auto best = BestOnSegment(*segment, candidates, second.data().features.descriptors, features.descriptors[i],
                                     options.max_distance, &excess);

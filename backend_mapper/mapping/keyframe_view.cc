@@ -28,10 +28,12 @@ std::optional<PredictedFeature> KeyFrameView::Predict(const MapPoint& point) con
   predicted.pixel_px = camera().Project(in_camera);
   if (!camera().Contains(predicted.pixel_px)) return std::nullopt;
   predicted.distance = from_centre.norm();
-  if (predicted.distance * kDistanceSlack < point.min_distance || predicted.distance > point.max_distance * kDistanceSlack) {
+  if (predicted.distance * kDistanceSlack < point.min_distance ||
+      predicted.distance > point.max_distance * kDistanceSlack) {
     return std::nullopt;
   }
-  if (from_centre.dot(point.mean_viewing_direction.cast<double>()) < kMinViewingCosine * predicted.distance) return std::nullopt;
+  if (from_centre.dot(point.mean_viewing_direction.cast<double>()) < kMinViewingCosine * predicted.distance)
+    return std::nullopt;
   // At max_distance it shows at octave 0; each octave nearer it is larger by the pyramid's factor.
   const double octave = std::log(point.max_distance / predicted.distance) * inverse_log_factor_;
   predicted.octave = std::clamp(static_cast<int>(std::lround(octave)), 0, data().pyramid.levels - 1);

@@ -15,13 +15,14 @@ struct PredictedFeature {
   int octave = 0;       ///< pyramid level at which it should be detected
 };
 
-/// A keyframe as a place to project landmarks into, with what the inner loops need computed once. Keeps a reference to the keyframe.
+/// A keyframe as a place to project landmarks into, with what the inner loops need computed once. Keeps a reference to
+/// the keyframe.
 class KeyFrameView {
  public:
   explicit KeyFrameView(const KeyFrame& keyframe);
 
-  /// @return nothing when the landmark is behind the camera, outside the image, out of the range of distances at which it can be
-  /// detected, or seen from more than 60 degrees off its mean viewing direction.
+  /// @return nothing when the landmark is behind the camera, outside the image, out of the range of distances at which
+  /// it can be detected, or seen from more than 60 degrees off its mean viewing direction.
   std::optional<PredictedFeature> Predict(const MapPoint& point) const;
 
   /// Standard deviation of a feature's location: its pyramid level's scale, pixels.

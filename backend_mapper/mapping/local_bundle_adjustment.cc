@@ -10,10 +10,13 @@
 namespace portolan {
 namespace {
 
-// A change below these is not put into the map, so that deltas stay small. As an angle seen from a camera both are under a tenth of a
-// pixel at a focal length of 1000, a tenth of a feature's standard deviation.
+// A change below these is not put into the map, so that deltas stay small. As an angle seen from a camera both are
+// under a tenth of a pixel at a focal length of 1000, a tenth of a feature's standard deviation.
 constexpr double kNoticeablePointShift = 1e-4;  // of the point's distance from a camera that sees it
 constexpr double kNoticeablePoseShift = 1e-5;   // radians, and of the median depth
+
+// An interrupted solution is good enough to tell outliers by after so many iterations: most cost falls in the first two.
+constexpr int kMinSettledIterations = 2;
 
 // Keyframes that pin the window: one fixes the frame (six freedoms), a second the scale.
 constexpr size_t kMinFixed = 2;
@@ -28,7 +31,8 @@ std::vector<KeyFrameId> SelectObservers(const Map& map, const std::vector<MapPoi
     }
   }
   std::vector<std::pair<KeyFrameId, int>> observers(seen.begin(), seen.end());
-  std::stable_sort(observers.begin(), observers.end(), [](const auto& a, const auto& b) { return a.second > b.second; });
+  std::stable_sort(observers.begin(), observers.end(),
+                   [](const auto& a, const auto& b) { return a.second > b.second; });
   if (observers.size() > most) observers.resize(most);
   std::vector<KeyFrameId> ids;
   for (const auto& [id, count] : observers) ids.push_back(id);
@@ -39,7 +43,8 @@ std::vector<KeyFrameId> SelectObservers(const Map& map, const std::vector<MapPoi
 void FixGauge(const Map& map, LocalWindow* window) {
   std::vector<KeyFrameId> oldest_first = window->free;
   std::sort(oldest_first.begin(), oldest_first.end());
-  std::stable_partition(oldest_first.begin(), oldest_first.end(), [&](KeyFrameId id) { return !map.keyframe(id).parent.IsValid(); });
+  std::stable_partition(oldest_first.begin(), oldest_first.end(),
+                        [&](KeyFrameId id) { return !map.keyframe(id).parent.IsValid(); });
   for (const KeyFrameId id : oldest_first) {
     const bool is_root = !map.keyframe(id).parent.IsValid();
     if (!is_root && (window->fixed.size() >= kMinFixed || window->free.size() == 1)) continue;
@@ -87,7 +92,8 @@ WindowProblem MakeProblem(const Map& map, const LocalWindow& window) {
       const auto found = poses.index.find(o.keyframe);
       if (found == poses.index.end()) continue;
       const FeatureSet& features = poses.data[found->second]->features;
-      measurements.push_back({found->second, static_cast<uint32_t>(result.points.size()), features.pixels_px[o.feature].cast<double>(),
+      measurements.push_back({found->second, static_cast<uint32_t>(result.points.size()),
+                              features.pixels_px[o.feature].cast<double>(),
                               poses.scales[found->second][features.octaves[o.feature]]});
       result.sources.emplace_back(id, o.keyframe);
     }
@@ -104,7 +110,8 @@ WindowProblem MakeProblem(const Map& map, const LocalWindow& window) {
 
 bool IsNoticeable(const Rigid3d& before, const Rigid3d& after, double median_depth) {
   const Rigid3d change = after * before.Inverse();
-  return LogSO3(change.rotation).norm() > kNoticeablePoseShift || change.translation.norm() > kNoticeablePoseShift * median_depth;
+  return LogSO3(change.rotation).norm() > kNoticeablePoseShift ||
+         change.translation.norm() > kNoticeablePoseShift * median_depth;
 }
 
 /// Removes observations with gross errors at the solution, and points that they leave without two.
@@ -143,7 +150,7 @@ void TakePositions(Map* map, const WindowProblem& solved) {
   }
 }
 
-/// Runs the stages on a problem. @return the summary of the last one that gave a result.
+/// Runs the stages on a problem. @return the summary of the last one that gave a result, with the iterations of both.
 BundleSummary Solve(BundleProblem* problem, const LocalBundleOptions& options, const std::atomic<bool>* stop) {
   BundleOptions bundle;
   bundle.max_iterations = options.robust_iterations;
@@ -158,8 +165,9 @@ BundleSummary Solve(BundleProblem* problem, const LocalBundleOptions& options, c
   }
   bundle.max_iterations = options.final_iterations;
   bundle.robust = false;
-  const BundleSummary last = AdjustBundle(&inliers, bundle, stop);
+  BundleSummary last = AdjustBundle(&inliers, bundle, stop);
   if (!last.converged_or_stopped) return robust;
+  last.iterations += robust.iterations;
   problem->poses = std::move(inliers.poses);
   problem->points_in_map = std::move(inliers.points_in_map);
   return last;
@@ -199,7 +207,9 @@ LocalBundleResult OptimizeLocalWindow(Map* map, KeyFrameId keyframe, const Local
   if (!result.summary.converged_or_stopped) return result;
   TakePoses(map, window, window_problem.problem);
   TakePositions(map, window_problem);
-  result.outliers = RemoveOutliers(map, window_problem, options.chi2);
+  if (!result.summary.interrupted || result.summary.iterations >= kMinSettledIterations) {
+    result.outliers = RemoveOutliers(map, window_problem, options.chi2);
+  }
   map->RefreshDerived();
   return result;
 }

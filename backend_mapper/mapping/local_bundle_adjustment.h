@@ -12,26 +12,30 @@ namespace portolan {
 
 /// The part of a map that local BA works on.
 struct LocalWindow {
-  std::vector<KeyFrameId> free;      ///< their poses change
-  std::vector<KeyFrameId> fixed;     ///< their poses hold the window in place: at least two, unless the map has no more keyframes
-  std::vector<MapPointId> points;    ///< seen by the free keyframes and the fixed ones that hold the gauge
+  std::vector<KeyFrameId> free;  ///< their poses change
+  std::vector<KeyFrameId>
+      fixed;  ///< their poses hold the window in place: at least two, unless the map has no more keyframes
+  std::vector<MapPointId> points;  ///< seen by the free keyframes and the fixed ones that hold the gauge
 };
 
-/// The keyframe and those connected to it in the pose graph, the points that they see, and other keyframes that see those points (paper
-/// Sec. 4.2). Where fewer than two others do, the oldest of the window are fixed instead: one for the frame, one for the scale. The map's first
-/// keyframe never moves.
+/// The keyframe and those connected to it in the pose graph, the points that they see, and other keyframes that see
+/// those points (paper Sec. 4.2). Where fewer than two others do, the oldest of the window are fixed instead: one for
+/// the frame, one for the scale. The map's first keyframe never moves.
 LocalWindow SelectLocalWindow(const Map& map, KeyFrameId keyframe, const LocalBundleOptions& options);
 
 /// What local BA did.
 struct LocalBundleResult {
-  BundleSummary summary;         ///< of the last stage that ran
-  int keyframes = 0, points = 0; ///< of the window
+  BundleSummary summary;          ///< of the last stage that ran; iterations of both
+  int keyframes = 0, points = 0;  ///< of the window
   int measurements = 0;
-  int outliers = 0;              ///< observations removed
+  int outliers = 0;  ///< observations removed
 };
 
-/// Optimises a window around a keyframe and puts the result into the map: poses and positions that changed noticeably, observations with
-/// gross errors removed, points left with fewer than two removed. Interrupted by `stop` (may be null) it keeps what it reached.
-LocalBundleResult OptimizeLocalWindow(Map* map, KeyFrameId keyframe, const LocalBundleOptions& options, const std::atomic<bool>* stop);
+/// Optimises a window around a keyframe and puts the result into the map: poses and positions that changed noticeably,
+/// observations with gross errors removed, points left with fewer than two removed. Interrupted by `stop` (may be null)
+/// it keeps what it reached, but removes nothing unless two iterations were done: errors against an unfinished solution
+/// prove nothing.
+LocalBundleResult OptimizeLocalWindow(Map* map, KeyFrameId keyframe, const LocalBundleOptions& options,
+                                      const std::atomic<bool>* stop);
 
 }  // namespace portolan

@@ -17,10 +17,12 @@ struct LocalMapper::TrackedLandmarks {
   std::vector<std::pair<uint32_t, MapPointId>> sources;
 };
 
-LocalMapper::LocalMapper(const MapperOptions& options, MapId map, Epoch epoch, RobotId robot, uint32_t session, Publish publish)
+LocalMapper::LocalMapper(const MapperOptions& options, MapId map, Epoch epoch, RobotId robot, uint32_t session,
+                         Publish publish)
     : LocalMapper(options, Map(map, epoch), epoch, robot, session, std::move(publish)) {}
 
-LocalMapper::LocalMapper(const MapperOptions& options, Map map, Epoch epoch, RobotId robot, uint32_t session, Publish publish)
+LocalMapper::LocalMapper(const MapperOptions& options, Map map, Epoch epoch, RobotId robot, uint32_t session,
+                         Publish publish)
     : options_(options),
       map_(std::move(map)),
       point_ids_(robot, session),
@@ -69,13 +71,16 @@ Status LocalMapper::Process(KeyFramePtr data, const KeyFrameMessage& message, co
   return Ok{};
 }
 
-LocalMapper::TrackedLandmarks LocalMapper::FindLandmarks(const KeyFrameData& data, const KeyFrameMessage& message) const {
+LocalMapper::TrackedLandmarks LocalMapper::FindLandmarks(const KeyFrameData& data,
+                                                         const KeyFrameMessage& message) const {
   TrackedLandmarks tracked;
   std::vector<bool> feature_used(data.features.size());
   std::unordered_set<MapPointId> point_used;
   for (const auto& [feature, landmark] : message.landmarks) {
     const MapPoint* point = map_.FindPoint(merged_points_.Follow(landmark));
-    if (point == nullptr || feature >= data.features.size() || feature_used[feature] || !point_used.insert(point->id).second) continue;
+    if (point == nullptr || feature >= data.features.size() || feature_used[feature] ||
+        !point_used.insert(point->id).second)
+      continue;
     feature_used[feature] = true;
     tracked.sources.emplace_back(feature, point->id);
     tracked.matches.landmarks_in_map.push_back(point->position_in_map.cast<double>());
@@ -91,12 +96,14 @@ Status LocalMapper::InsertKeyFrame(KeyFramePtr data, const KeyFrameMessage& mess
   const std::string name = "keyframe " + ToString(id);
   if (map_.FindKeyFrame(id) != nullptr) return Error{name + " is in the map already"};
   const KeyFrameId reference = removed_keyframes_.Follow(message.reference);
-  if (map_.FindKeyFrame(reference) == nullptr) return Error{name + ": its reference " + ToString(message.reference) + " is unknown"};
+  if (map_.FindKeyFrame(reference) == nullptr)
+    return Error{name + ": its reference " + ToString(message.reference) + " is unknown"};
   const TrackedLandmarks tracked = FindLandmarks(*data, message);
   const PoseOptimizationResult refined = OptimizePose(data->camera, tracked.matches, message.camera_from_map);
   if (refined.num_inliers < options_.min_landmarks) {
-    return Error{name + ": " + std::to_string(refined.num_inliers) + " of its " + std::to_string(message.landmarks.size()) +
-                 " landmarks are in the map and agree with it, expected at least " + std::to_string(options_.min_landmarks)};
+    return Error{
+        name + ": " + std::to_string(refined.num_inliers) + " of its " + std::to_string(message.landmarks.size()) +
+        " landmarks are in the map and agree with it, expected at least " + std::to_string(options_.min_landmarks)};
   }
   map_.AddKeyFrame(std::move(data), refined.camera_from_map, reference);
   for (size_t k = 0; k < tracked.sources.size(); ++k) {
@@ -120,7 +127,8 @@ int LocalMapper::ExtendMap(const MoreWorkWaits& more_work_waits) {
   const Stopwatch watch;
   int created = 0, searched = 0;
   // The paper takes the closest keyframe alone; more of them find more points, and with wider baselines.
-  for (const auto& [neighbour, common] : map_.CovisibleKeyFrames(newest_, 1, static_cast<size_t>(options_.creation.neighbours))) {
+  for (const auto& [neighbour, common] :
+       map_.CovisibleKeyFrames(newest_, 1, static_cast<size_t>(options_.creation.neighbours))) {
     if (searched++ >= options_.creation.min_neighbours && more_work_waits()) break;
     const std::vector<MapPointId> points = CreatePoints(&map_, newest_, neighbour, options_.creation, &point_ids_);
     probation_.Add(points);

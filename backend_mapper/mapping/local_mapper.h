@@ -19,8 +19,8 @@
 
 namespace portolan {
 
-/// Single mapping (paper Sec. 4): the one writer of one map. Pure: no DDS, no threads of its own; the process feeds it keyframes and sends the deltas
-/// that it hands out.
+/// Single mapping (paper Sec. 4): the one writer of one map. Pure: no DDS, no threads of its own; the process feeds it
+/// keyframes and sends the deltas that it hands out.
 ///
 ///   LocalMapper mapper(options, map_id, epoch, robot, session, publish);
 ///   Status initialized = mapper.Initialize(first, second, message);        // Sec. 4.1
@@ -30,7 +30,8 @@ namespace portolan {
 ///   // or all of it, each step's delta published as soon as it is made:
 ///   mapper.Process(data, message, more_work_waits, stop);
 ///
-/// Deterministic: the same keyframes, answers of more_work_waits and no stop give the same deltas. Not thread-safe, but for `stop`.
+/// Deterministic: the same keyframes, answers of more_work_waits and no stop give the same deltas. Not thread-safe, but
+/// for `stop`.
 class LocalMapper {
  public:
   using Publish = std::function<void(MapDelta)>;
@@ -38,22 +39,26 @@ class LocalMapper {
   using KeyFramePtr = std::shared_ptr<const KeyFrameData>;
 
   LocalMapper(const MapperOptions& options, MapId map, Epoch epoch, RobotId robot, uint32_t session, Publish publish);
-  /// Takes over a map that another owner made (from a replica). Its first word must be PublishSnapshot(): replicas take nothing else in a new epoch.
+  /// Takes over a map that another owner made (from a replica). Its first word must be PublishSnapshot(): replicas take
+  /// nothing else in a new epoch.
   LocalMapper(const MapperOptions& options, Map map, Epoch epoch, RobotId robot, uint32_t session, Publish publish);
 
   const Map& map() const { return map_; }
 
-  /// Map initialisation from two keyframes (paper Sec. 4.1, second step to last). Publishes the new map, or fails with the reason and leaves
-  /// the map empty. The median depth of the first keyframe becomes 1.
+  /// Map initialisation from two keyframes (paper Sec. 4.1, second step to last). Publishes the new map, or fails with
+  /// the reason and leaves the map empty. The median depth of the first keyframe becomes 1.
   Status Initialize(KeyFramePtr first, KeyFramePtr second, const KeyFrameMessage& message);
 
-  /// One tracked keyframe through all steps, cheapest news first: insertion is published at once, then new points, then fusion and local BA (left out
-  /// while `more_work_waits` says so), then pruning. `stop` interrupts the BA. Fails, changing nothing, when the keyframe does not fit the map: its
-  /// reference is unknown, it is there already, or fewer than options.min_landmarks of its landmarks still exist.
-  Status Process(KeyFramePtr data, const KeyFrameMessage& message, const MoreWorkWaits& more_work_waits, const std::atomic<bool>* stop);
+  /// One tracked keyframe through all steps, cheapest news first: insertion is published at once, then new points, then
+  /// fusion and local BA (left out while `more_work_waits` says so), then pruning. `stop` interrupts the BA. Fails,
+  /// changing nothing, when the keyframe does not fit the map: its reference is unknown, it is there already, or fewer
+  /// than options.min_landmarks of its landmarks still exist.
+  Status Process(KeyFramePtr data, const KeyFrameMessage& message, const MoreWorkWaits& more_work_waits,
+                 const std::atomic<bool>* stop);
 
   // The steps of Process, to be called in this order; each leaves its change for PublishChanges.
-  /// Adds the keyframe where its landmarks, as they are now, put it (motion-only BA from the tracker's pose), with those that agree.
+  /// Adds the keyframe where its landmarks, as they are now, put it (motion-only BA from the tracker's pose), with
+  /// those that agree.
   Status InsertKeyFrame(KeyFramePtr data, const KeyFrameMessage& message);
   /// Removes new points that failed their probation. @return how many.
   int DropFailedPoints();
@@ -68,7 +73,8 @@ class LocalMapper {
   /// Hands the whole map to `publish`.
   void PublishSnapshot();
 
-  /// Applies a proposal of another process and publishes it; fails, changing nothing, when it does not fit (see ApplyMapCorrection).
+  /// Applies a proposal of another process and publishes it; fails, changing nothing, when it does not fit (see
+  /// ApplyMapCorrection).
   Status ApplyCorrection(const MapCorrection& correction);
 
   /// Milliseconds of the steps: insert, extend, fuse, local_ba, prune.
@@ -84,9 +90,9 @@ class LocalMapper {
   IdMinter<MapPointId> point_ids_;
   Publish publish_;
   StageTimes stage_times_;
-  KeyFrameId newest_;                            // the keyframe that the steps work on
+  KeyFrameId newest_;  // the keyframe that the steps work on
   PointProbation probation_;
-  Successors<MapPointId> merged_points_;         // the tracker may still name what was merged or removed here
+  Successors<MapPointId> merged_points_;  // the tracker may still name what was merged or removed here
   Successors<KeyFrameId> removed_keyframes_;
 };
 

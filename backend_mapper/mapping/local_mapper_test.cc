@@ -28,7 +28,8 @@ class Mapper : public ::testing::Test {
     scene_ = std::make_unique<TestScene>(options);
     views_ = SeeAlongPath(scene_.get(), 10, 0.4);
     for (const TestView& view : views_) data_[view.data->id] = view.data;
-    mapper_ = std::make_unique<LocalMapper>(MapperOptions(), kMap, 5, RobotId{1}, 3, [this](MapDelta delta) { Follow(delta); });
+    mapper_ = std::make_unique<LocalMapper>(MapperOptions(), kMap, 5, RobotId{1}, 3,
+                                            [this](MapDelta delta) { Follow(delta); });
   }
   void Follow(const MapDelta& delta) {
     ++deltas_;
@@ -88,10 +89,10 @@ TEST_F(Mapper, BuildsAnAccurateMapThatReplicasFollow) {
   const Sim3d map_from_world = MapFromWorld();
   for (const auto& [id, keyframe] : mapper_->map().keyframes()) {
     const TestView& view = views_[id.sequence() - 1];
-    const Eigen::Vector3d error = keyframe.camera_from_map.TargetOriginInSource() -
-                                  map_from_world * view.camera_from_map.TargetOriginInSource();
-    // A feature's sigma at depth 7 and octave 5 is 0.3 * 2.5 / 500 * 7 = 0.01 world units; a pose, from over 100 of them on points about
-    // as uncertain, is not worse than five of these.
+    const Eigen::Vector3d error =
+        keyframe.camera_from_map.TargetOriginInSource() - map_from_world * view.camera_from_map.TargetOriginInSource();
+    // A feature's sigma at depth 7 and octave 5 is 0.3 * 2.5 / 500 * 7 = 0.01 world units; a pose, from over 100 of
+    // them on points about as uncertain, is not worse than five of these.
     EXPECT_LT(error.norm() / map_from_world.scale, 0.05);
   }
 }
@@ -137,7 +138,10 @@ TEST_F(Mapper, RefusesKeyFramesThatDoNotFit) {
 
 TEST_F(Mapper, BusyOnlyInsertsAndExtends) {
   ASSERT_TRUE(Initialize().ok());
-  ASSERT_TRUE(mapper_->Process(views_[4].data, Track(views_[4]), [] { return true; }, nullptr).ok());
+  ASSERT_TRUE(mapper_
+                  ->Process(
+                      views_[4].data, Track(views_[4]), [] { return true; }, nullptr)
+                  .ok());
   EXPECT_EQ(mapper_->stage_times().samples().count("local_ba"), 0u);
   EXPECT_EQ(mapper_->stage_times().samples().count("fuse"), 0u);
   EXPECT_EQ(mapper_->stage_times().samples().at("extend").size(), 1u);

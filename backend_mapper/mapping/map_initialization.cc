@@ -22,9 +22,10 @@ Result<PixelMatches> GatherPixels(const KeyFrameData& first, const KeyFrameData&
   std::vector<bool> first_used(first.features.size()), second_used(second.features.size());
   for (const auto& [i, j] : matches) {
     if (i >= first.features.size() || j >= second.features.size()) {
-      return Error{"initial match (" + std::to_string(i) + ", " + std::to_string(j) + ") of keyframes " + ToString(first.id) + " and " +
-                   ToString(second.id) + ": they have " + std::to_string(first.features.size()) + " and " +
-                   std::to_string(second.features.size()) + " features"};
+      return Error{"initial match (" + std::to_string(i) + ", " + std::to_string(j) + ") of keyframes " +
+                   ToString(first.id) + " and " + ToString(second.id) + ": they have " +
+                   std::to_string(first.features.size()) + " and " + std::to_string(second.features.size()) +
+                   " features"};
     }
     if (first_used[i] || second_used[j]) {
       return Error{"initial match (" + std::to_string(i) + ", " + std::to_string(j) + ") uses a feature twice"};
@@ -36,7 +37,8 @@ Result<PixelMatches> GatherPixels(const KeyFrameData& first, const KeyFrameData&
   return pixels;
 }
 
-void AddMeasurement(const KeyFrameData& data, uint32_t feature, uint32_t camera, uint32_t point, BundleProblem* problem) {
+void AddMeasurement(const KeyFrameData& data, uint32_t feature, uint32_t camera, uint32_t point,
+                    BundleProblem* problem) {
   BundleProblem::Measurement measurement;
   measurement.pose = camera;
   measurement.point = point;
@@ -79,8 +81,8 @@ void TakeSolution(const BundleProblem& problem, double chi2, InitialStructure* s
 
 Status CheckEnoughPoints(const InitialStructure& structure, const InitializationOptions& options) {
   if (static_cast<int>(structure.points.size()) >= options.min_points) return Ok{};
-  return Error{"map initialisation: " + std::to_string(structure.points.size()) + " points survive bundle adjustment, expected at least " +
-               std::to_string(options.min_points)};
+  return Error{"map initialisation: " + std::to_string(structure.points.size()) +
+               " points survive bundle adjustment, expected at least " + std::to_string(options.min_points)};
 }
 
 /// Median depth in the first camera becomes 1.
@@ -97,7 +99,8 @@ void NormalizeScale(InitialStructure* structure) {
 }  // namespace
 
 Result<InitialStructure> ReconstructInitialStructure(const KeyFrameData& first, const KeyFrameData& second,
-                                                     const FeaturePairs& matches, const InitializationOptions& options) {
+                                                     const FeaturePairs& matches,
+                                                     const InitializationOptions& options) {
   const auto pixels = GatherPixels(first, second, matches);
   if (!pixels.ok()) return pixels.error();
   const auto views = ReconstructTwoViews(pixels.value(), first.camera, second.camera, options.two_view);

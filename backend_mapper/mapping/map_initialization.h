@@ -22,9 +22,9 @@ struct InitialStructure {
   std::vector<Point> points;
 };
 
-/// Second to last step of map initialisation (paper Sec. 4.1): fundamental matrix or homography in RANSAC, motion, triangulation, BA.
-/// BA runs twice, the second time without the outliers of the first. Scale is free in it (the first pose alone is fixed; the solver's
-/// damping holds the seventh freedom) and set afterwards.
+/// Second to last step of map initialisation (paper Sec. 4.1): fundamental matrix or homography in RANSAC, motion,
+/// triangulation, BA. BA runs twice, the second time without the outliers of the first. Scale is free in it (the first
+/// pose alone is fixed; the solver's damping holds the seventh freedom) and set afterwards.
 /// @param matches (feature of first, feature of second).
 /// Fails with the reason when a feature does not exist, the two views are refused (ReconstructTwoViews) or fewer than
 /// options.min_points points survive BA. Deterministic for options.two_view.seed.

@@ -8,32 +8,33 @@ namespace portolan {
 /// Map initialisation (paper Sec. 4.1).
 struct InitializationOptions {
   TwoViewOptions two_view;
-  int min_points = 50;          ///< points that survive BA; with fewer the tracker would lose the new map at once
-  int bundle_iterations = 15;   ///< of each of the two BA runs; two views converge in about ten
+  int min_points = 50;         ///< points that survive BA; with fewer the tracker would lose the new map at once
+  int bundle_iterations = 15;  ///< of each of the two BA runs; two views converge in about ten
 };
 
 /// New points from epipolar search (paper Sec. 4.2).
 struct PointCreationOptions {
-  int neighbours = 10;               ///< second views tried, best covisible first. The paper takes the closest keyframe alone
-  int min_neighbours = 3;            ///< done even when another keyframe waits
-  double min_baseline = 0.01;        ///< of a second view, in its median depths: below it depth is noise
-  int max_distance = 50;             ///< Hamming, of 256 bits: two views of one corner differ by less, strangers by 128 +- 20
+  int neighbours = 10;         ///< second views tried, best covisible first. The paper takes the closest keyframe alone
+  int min_neighbours = 3;      ///< done even when another keyframe waits
+  double min_baseline = 0.01;  ///< of a second view, in its median depths: below it depth is noise
+  int max_distance = 50;       ///< Hamming, of 256 bits: two views of one corner differ by less, strangers by 128 +- 20
   double epipolar_chi2 = 3.841;      ///< squared normalised distance to the line: 95 %, 1 degree of freedom
   double reprojection_chi2 = 5.991;  ///< squared normalised reprojection error: 95 %, 2 degrees of freedom
   double max_parallax_cos = 0.9998;  ///< rays closer than 1.15 degrees give no depth
-  double max_scale_ratio = 1.8;      ///< of distance ratio to octave ratio, either way: 1.5 for slant, times one octave (1.2)
-  double min_depth = 0.1;            ///< nearest new point, in the keyframe's median depths: bounds the search along the line
-  double epipole_radius_px = 10;     ///< at octave 0: around the epipole the line's direction is noise
+  double max_scale_ratio =
+      1.8;                 ///< of distance ratio to octave ratio, either way: 1.5 for slant, times one octave (1.2)
+  double min_depth = 0.1;  ///< nearest new point, in the keyframe's median depths: bounds the search along the line
+  double epipole_radius_px = 10;  ///< at octave 0: around the epipole the line's direction is noise
 };
 
 /// Fusion of duplicates (paper Sec. 4.2, "new measurements").
 struct FusionOptions {
-  int neighbours = 10;             ///< covisible keyframes, best first
-  int second_neighbours = 3;       ///< of each neighbour
-  int max_keyframes = 20;          ///< both kinds together: bounds the work
-  double radius = 3.0;             ///< of the search window, in pixels at the predicted octave: three sigma
-  double chi2 = 5.991;             ///< squared normalised distance of the feature to the projection
-  int max_distance = 50;           ///< Hamming
+  int neighbours = 10;        ///< covisible keyframes, best first
+  int second_neighbours = 3;  ///< of each neighbour
+  int max_keyframes = 20;     ///< both kinds together: bounds the work
+  double radius = 3.0;        ///< of the search window, in pixels at the predicted octave: three sigma
+  double chi2 = 5.991;        ///< squared normalised distance of the feature to the projection
+  int max_distance = 50;      ///< Hamming
 };
 
 /// Local BA (paper Sec. 4.2).
@@ -48,13 +49,13 @@ struct LocalBundleOptions {
 
 /// What leaves the map again (paper Sec. 4.2, pruning).
 struct PruningOptions {
-  int probation_keyframes = 3;         ///< keyframes after its creation in which a new point must prove itself
-  int probation_observations = 3;      ///< keyframes that must see it then
-  int unreliable_visible = 10;         ///< a point with two measurements goes when predicted visible in more keyframes (paper)
-  double redundant_share = 0.9;        ///< of a keyframe's points, seen in at least redundant_observers others (paper)
-  int redundant_observers = 3;         ///< (paper)
-  int keep_newest = 3;                 ///< keyframes that are never pruned: the tracker hangs on them
-  int max_checked = 20;                ///< covisible keyframes checked for each new one: bounds the work
+  int probation_keyframes = 3;     ///< keyframes after its creation in which a new point must prove itself
+  int probation_observations = 3;  ///< keyframes that must see it then
+  int unreliable_visible = 10;  ///< a point with two measurements goes when predicted visible in more keyframes (paper)
+  double redundant_share = 0.9;  ///< of a keyframe's points, seen in at least redundant_observers others (paper)
+  int redundant_observers = 3;   ///< (paper)
+  int keep_newest = 3;           ///< keyframes that are never pruned: the tracker hangs on them
+  int max_checked = 20;          ///< covisible keyframes checked for each new one: bounds the work
 };
 
 /// All of the mapper's parameters.

@@ -12,7 +12,9 @@ constexpr int kWidth = 640, kHeight = 480;
 // A point shows at octave 0 from this far away.
 constexpr double kFullDistance = 14;
 
-Descriptor RandomDescriptor(Random* random) { return {random->Next(), random->Next(), random->Next(), random->Next()}; }
+Descriptor RandomDescriptor(Random* random) {
+  return {random->Next(), random->Next(), random->Next(), random->Next()};
+}
 
 void AddFeature(const Eigen::Vector2d& pixel_px, int octave, const Descriptor& descriptor, FeatureSet* features) {
   features->pixels_px.push_back(pixel_px.cast<float>());
@@ -82,7 +84,9 @@ std::vector<TestView> SeeAlongPath(TestScene* scene, int count, double step) {
   return views;
 }
 
-MapPointId TruePointId(int point) { return MapPointId(1, 1, static_cast<uint32_t>(point) + 1); }
+MapPointId TruePointId(int point) {
+  return MapPointId(1, 1, static_cast<uint32_t>(point) + 1);
+}
 
 Map BuildTrueMap(const TestScene& scene, const std::vector<TestView>& views, int every) {
   Map map(MapId(1, 1, 1), 1);

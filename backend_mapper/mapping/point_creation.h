@@ -18,8 +18,9 @@ class MatchTriangulator {
   /// The views must outlive it.
   MatchTriangulator(const KeyFrameView& first, const KeyFrameView& second, const PointCreationOptions& options);
 
-  /// Corrects the match (paper Eq. 10), solves by DLT (Eq. 11) and checks parallax, sign of both depths, both reprojection errors and the
-  /// consistency of distances with octaves. @return the point in the map, none when a check fails.
+  /// Corrects the match (paper Eq. 10), solves by DLT (Eq. 11) and checks parallax, sign of both depths, both
+  /// reprojection errors and the consistency of distances with octaves. @return the point in the map, none when a check
+  /// fails.
   std::optional<Eigen::Vector3d> Triangulate(uint32_t first_feature, uint32_t second_feature) const;
 
  private:
@@ -33,9 +34,10 @@ class MatchTriangulator {
   Eigen::Matrix3d fundamental_;
 };
 
-/// Makes landmarks of the features that two keyframes of the map see and that are none yet: epipolar search and triangulation. Each gets its two
-/// observations. @param mint makes ids. @return the new points, in order of creation; none when the baseline is below
-/// options.min_baseline of the second keyframe's median depth, or neither keyframe sees landmarks.
+/// Makes landmarks of the features that two keyframes of the map see and that are none yet: epipolar search and
+/// triangulation. Each gets its two observations. @param mint makes ids. @return the new points, in order of creation;
+/// none when the baseline is below options.min_baseline of the second keyframe's median depth, or neither keyframe sees
+/// landmarks.
 std::vector<MapPointId> CreatePoints(Map* map, KeyFrameId first, KeyFrameId second, const PointCreationOptions& options,
                                      IdMinter<MapPointId>* mint);
 

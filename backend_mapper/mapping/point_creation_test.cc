@@ -61,7 +61,8 @@ TEST_F(PointCreation, KeepsToTheTruthAmongClutterAndNoise) {
   const auto created = Create();
   for (const MapPointId id : created) {
     const auto error = Error(id);
-    // Depth noise: z^2 / (b f) * sigma_px with z = 10, b = 0.8, f = 500, sigma = 0.3 * 2 (octave) * sqrt 2: 0.2; five sigma.
+    // Depth noise: z^2 / (b f) * sigma_px with z = 10, b = 0.8, f = 500, sigma = 0.3 * 2 (octave) * sqrt 2: 0.2; five
+    // sigma.
     if (!error || *error > 1.0) ++wrong;
   }
   EXPECT_GT(created.size(), expected * 7 / 10);

@@ -34,8 +34,8 @@ std::optional<uint32_t> FindFeature(const KeyFrameView& view, const MapPoint& po
                                     const FusionOptions& options, std::vector<uint32_t>* nearby) {
   const FeatureSet& features = view.data().features;
   nearby->clear();
-  view.data().grid.Find(features, predicted.pixel_px, options.radius * view.Scale(predicted.octave), predicted.octave - 1,
-                        predicted.octave + 1, nearby);
+  view.data().grid.Find(features, predicted.pixel_px, options.radius * view.Scale(predicted.octave),
+                        predicted.octave - 1, predicted.octave + 1, nearby);
   std::optional<uint32_t> best;
   int best_distance = options.max_distance + 1;
   for (const uint32_t feature : *nearby) {
@@ -50,7 +50,8 @@ std::optional<uint32_t> FindFeature(const KeyFrameView& view, const MapPoint& po
 }
 
 void Merge(Map* map, const MapPoint& a, const MapPoint& b, FusionResult* result) {
-  const bool keep_a = a.observations.size() != b.observations.size() ? a.observations.size() > b.observations.size() : a.id < b.id;
+  const bool keep_a =
+      a.observations.size() != b.observations.size() ? a.observations.size() > b.observations.size() : a.id < b.id;
   const MapPointId from = keep_a ? b.id : a.id, into = keep_a ? a.id : b.id;
   map->MergePoints(from, into);
   result->merges.emplace_back(from, into);
@@ -66,11 +67,13 @@ std::vector<KeyFrameId> SelectTargets(const Map& map, KeyFrameId keyframe, const
   for (const auto& [id, common] : neighbours) add(id);
   for (const auto& [id, common] : neighbours) {
     if (options.second_neighbours == 0) break;
-    for (const auto& [second, second_common] : map.CovisibleKeyFrames(id, 1, static_cast<size_t>(options.second_neighbours))) {
+    for (const auto& [second, second_common] :
+         map.CovisibleKeyFrames(id, 1, static_cast<size_t>(options.second_neighbours))) {
       add(second);
     }
   }
-  if (targets.size() > static_cast<size_t>(options.max_keyframes)) targets.resize(static_cast<size_t>(options.max_keyframes));
+  if (targets.size() > static_cast<size_t>(options.max_keyframes))
+    targets.resize(static_cast<size_t>(options.max_keyframes));
   return targets;
 }
 

@@ -8,7 +8,8 @@
 namespace portolan {
 namespace {
 
-/// The same scene as a map in which the last two views know their own copies of the points: as after a revisit that tracking missed.
+/// The same scene as a map in which the last two views know their own copies of the points: as after a revisit that
+/// tracking missed.
 Map BuildDoubledMap(const TestScene& scene, const std::vector<TestView>& views, int shared_every) {
   Map map = BuildTrueMap(scene, views);
   const KeyFrameId second_last = views[views.size() - 2].data->id, last = views.back().data->id;
@@ -70,7 +71,8 @@ TEST_F(Fusion, FindsMissingObservations) {
   const KeyFrameId last = views_.back().data->id;
   int removed = 0;
   for (const MapPointId id : map.SortedPointIds()) {
-    if (map.point(id).observations.size() < 4 || map.point(id).FindObservation(last) == nullptr || id.value % 3 == 0) continue;
+    if (map.point(id).observations.size() < 4 || map.point(id).FindObservation(last) == nullptr || id.value % 3 == 0)
+      continue;
     map.RemoveObservation(id, last);
     ++removed;
   }

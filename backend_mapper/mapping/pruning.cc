@@ -83,20 +83,23 @@ std::vector<MapPointId> FindUnreliablePoints(const Map& map, KeyFrameId keyframe
 
 bool IsRedundant(const Map& map, KeyFrameId keyframe, const PruningOptions& options) {
   const KeyFrame& candidate = map.keyframe(keyframe);
-  const auto total = std::count_if(candidate.landmarks.begin(), candidate.landmarks.end(), [](MapPointId id) { return id.IsValid(); });
+  const auto total =
+      std::count_if(candidate.landmarks.begin(), candidate.landmarks.end(), [](MapPointId id) { return id.IsValid(); });
   // It stops as soon as more landmarks than this are its own.
   const double own_allowed = (1.0 - options.redundant_share) * static_cast<double>(total);
   int own = 0;
   for (size_t feature = 0; feature < candidate.landmarks.size(); ++feature) {
     if (!candidate.landmarks[feature].IsValid()) continue;
     const int octave = candidate.data->features.octaves[feature];
-    if (IsSeenByOthers(map, map.point(candidate.landmarks[feature]), keyframe, octave, options.redundant_observers)) continue;
+    if (IsSeenByOthers(map, map.point(candidate.landmarks[feature]), keyframe, octave, options.redundant_observers))
+      continue;
     if (++own > own_allowed) return false;
   }
   return total > 0;
 }
 
-std::vector<std::pair<KeyFrameId, KeyFrameId>> PruneKeyFrames(Map* map, KeyFrameId newest, const PruningOptions& options) {
+std::vector<std::pair<KeyFrameId, KeyFrameId>> PruneKeyFrames(Map* map, KeyFrameId newest,
+                                                              const PruningOptions& options) {
   std::vector<std::pair<KeyFrameId, KeyFrameId>> removed;
   const std::set<KeyFrameId> kept = NewestKeyFrames(*map, options.keep_newest);
   auto candidates = map->CovisibleKeyFrames(newest, 1, static_cast<size_t>(options.max_checked));

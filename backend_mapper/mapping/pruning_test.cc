@@ -47,7 +47,8 @@ TEST(PruneKeyFrames, CoarserViewsAreNoReplacement) {
   std::vector<TestView> views;
   for (int k = 0; k < 6; ++k) views.push_back(scene.See(CameraAt({0.05 * k, 0, k == 3 ? 2.0 : -2.0})));
   const Map map = BuildTrueMap(scene, views);
-  // The near view's points are all seen by five others, but from twice as far: three octaves coarser would be finer here, so the reverse holds.
+  // The near view's points are all seen by five others, but from twice as far: three octaves coarser would be finer
+  // here, so the reverse holds.
   EXPECT_TRUE(IsRedundant(map, views[3].data->id, {}));
   std::vector<TestView> near_views;
   for (int k = 0; k < 6; ++k) near_views.push_back(scene.See(CameraAt({0.05 * k, 0, k == 3 ? -2.0 : 2.0})));

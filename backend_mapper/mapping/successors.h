@@ -6,8 +6,8 @@
 
 namespace portolan {
 
-/// What became of ids that were replaced: follows them to the id that stands for them now. Bounded: the oldest replacement is forgotten, since only
-/// messages a few seconds old still name it.
+/// What became of ids that were replaced: follows them to the id that stands for them now. Bounded: the oldest
+/// replacement is forgotten, since only messages a few seconds old still name it.
 template <class IdType>
 class Successors {
  public:

@@ -36,8 +36,8 @@ nlohmann::ordered_json ToJson(const AlignedMap& map) {
 }  // namespace
 
 std::string FormatEvaluation(const Evaluation& evaluation, const std::string& rpe_name) {
-  std::string text = fmt::format("frames {}, estimated {}, coverage {:.1f} %, matched {} within {:.4f} s\n",
-                                 evaluation.num_frames, evaluation.joined.estimate.size(), 100 * evaluation.Coverage(),
+  std::string text = fmt::format("frames {}, tracked {}, coverage {:.1f} %, matched {} within {:.4f} s\n",
+                                 evaluation.num_frames, evaluation.num_tracked, 100 * evaluation.Coverage(),
                                  evaluation.joined.pairs.size(), evaluation.max_dt);
   text +=
       fmt::format("{:<18}{:>6}{:>11}{:>11}{:>11}{:>11}{:>11}\n", "", "count", "rmse", "mean", "median", "std", "max");
@@ -59,7 +59,7 @@ std::string EvaluationToJson(const Evaluation& evaluation) {
     maps.push_back(one);
   }
   const nlohmann::ordered_json json{{"frames", evaluation.num_frames},
-                                    {"poses", evaluation.joined.estimate.size()},
+                                    {"tracked", evaluation.num_tracked},
                                     {"coverage", evaluation.Coverage()},
                                     {"max_dt", evaluation.max_dt},
                                     {"joined", ToJson(evaluation.joined)},

@@ -18,12 +18,14 @@ namespace {
 /// Files round times to a microsecond.
 constexpr double kFileRounding = 1e-6;
 
+bool IsWithin(Timestamp stamp, const EvaluationOptions& options) {
+  return !(options.from && stamp < *options.from) && !(options.to && *options.to < stamp);
+}
+
 Trajectory SortedSpan(const Trajectory& trajectory, const EvaluationOptions& options) {
   Trajectory span;
   for (const TrajectoryPose& pose : trajectory) {
-    const bool before = options.from && pose.stamp < *options.from;
-    const bool after = options.to && *options.to < pose.stamp;
-    if (!before && !after) span.push_back(pose);
+    if (IsWithin(pose.stamp, options)) span.push_back(pose);
   }
   std::stable_sort(span.begin(), span.end(), [](const auto& a, const auto& b) { return a.stamp < b.stamp; });
   return span;
@@ -103,6 +105,22 @@ void AddRelativeErrors(const Trajectory& truth, const AlignedMap& map, const Eva
     const Rigid3d error = true_motion.Inverse() * motion;
     translations->push_back(error.translation.norm());
     rotations_deg->push_back(LogSO3(error.rotation).norm() * 180 / M_PI);
+  }
+}
+
+void CountFrames(const EvaluationOptions& options, Evaluation* evaluation) {
+  std::vector<Timestamp> frames;
+  for (const Timestamp frame : options.frames) {
+    if (IsWithin(frame, options)) frames.push_back(frame);
+  }
+  if (frames.empty()) {
+    for (const TrajectoryPose& pose : evaluation->truth) frames.push_back(pose.stamp);
+  }
+  evaluation->num_frames = frames.size();
+  evaluation->num_tracked = SelectFrames(evaluation->joined.estimate, frames, evaluation->max_dt).size();
+  if (options.num_frames > 0) {
+    evaluation->num_frames = options.num_frames;
+    evaluation->num_tracked = evaluation->joined.estimate.size();
   }
 }
 
@@ -187,8 +205,8 @@ Result<Evaluation> EvaluateTrajectory(const Trajectory& truth, const Trajectory&
   Evaluation evaluation;
   evaluation.truth = SortedSpan(truth, options);
   evaluation.max_dt = options.max_dt > 0 ? options.max_dt : HalfMedianInterval(evaluation.truth);
-  evaluation.num_frames = options.num_frames > 0 ? options.num_frames : evaluation.truth.size();
   evaluation.joined.estimate = SortedSpan(estimate, options);
+  CountFrames(options, &evaluation);
   evaluation.maps = SplitByMap(evaluation.joined.estimate);
   Align(evaluation.truth, options, evaluation.max_dt, &evaluation.joined);
   if (evaluation.joined.pairs.empty()) {

@@ -20,7 +20,8 @@ struct EvaluationOptions {
   std::optional<int> rpe_frames;  ///< or so many poses of the ground truth in place of rpe_delta
   std::optional<Timestamp> from;  ///< poses before it are left out
   std::optional<Timestamp> to;    ///< and after it
-  size_t num_frames = 0;          ///< of the camera in the span, for the coverage; 0: as many as ground truth poses
+  std::vector<Timestamp> frames;  ///< of the camera, for the coverage; empty: the poses of the ground truth
+  size_t num_frames = 0;          ///< of the camera in the span, if only their number is known
 };
 
 /// Of a set of errors; all 0 if there are none.
@@ -48,7 +49,8 @@ struct AlignedMap {
 struct Evaluation {
   Trajectory truth;               ///< in the span
   double max_dt = 0;              ///< seconds, as used
-  size_t num_frames = 0;          ///< in the span
+  size_t num_frames = 0;          ///< of the camera, in the span
+  size_t num_tracked = 0;         ///< of them with an estimated pose
   AlignedMap joined;              ///< all poses as one trajectory
   std::vector<AlignedMap> maps;   ///< each map by itself, by number
   ErrorStatistics maps_combined;  ///< over the errors of all maps that could be aligned by themselves
@@ -57,7 +59,7 @@ struct Evaluation {
   ErrorStatistics rpe_rotation_deg;
   /// Share of the camera's frames that have an estimated pose.
   double Coverage() const {
-    return num_frames == 0 ? 0 : static_cast<double>(joined.estimate.size()) / static_cast<double>(num_frames);
+    return num_frames == 0 ? 0 : static_cast<double>(num_tracked) / static_cast<double>(num_frames);
   }
 };
 

@@ -152,6 +152,20 @@ TEST(TrajectoryEvaluationTest, ASpanLeavesTheRestOut) {
   EXPECT_LT(evaluation->joined.ate.max, 1e-9);
 }
 
+TEST(TrajectoryEvaluationTest, CoverageCountsTheCamerasFrames) {
+  const Trajectory truth = Spiral(100);  // 10 Hz
+  EvaluationOptions options;
+  for (int i = 0; i < 25; ++i) options.frames.push_back(truth[4 * i].stamp);
+  EXPECT_EQ(EvaluateTrajectory(truth, truth, options)->Coverage(), 1)
+      << "an estimate of a higher rate covers no more than all";
+  const Trajectory half(truth.begin(), truth.begin() + 40);
+  EXPECT_NEAR(EvaluateTrajectory(truth, half, options)->Coverage(), 0.4, 1e-12);
+  options.to = truth[79].stamp;
+  EXPECT_NEAR(EvaluateTrajectory(truth, half, options)->Coverage(), 0.5, 1e-12);
+  options.num_frames = 50;
+  EXPECT_NEAR(EvaluateTrajectory(truth, half, options)->Coverage(), 0.8, 1e-12) << "40 poses of 50 frames";
+}
+
 TEST(TrajectoryEvaluationTest, NoCommonTimesNameBothSpans) {
   Trajectory late = Spiral(5);
   for (TrajectoryPose& pose : late) pose.stamp.ns += 1000000000000;

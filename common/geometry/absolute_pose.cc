@@ -114,7 +114,7 @@ class AbsolutePoseProblem {
 /// RANSAC, ended early once a sample without outliers is all but certain.
 AbsolutePose FindConsensus(const AbsolutePoseProblem& problem, size_t n, const AbsolutePoseOptions& options) {
   Random random(options.seed);
-  AbsolutePose best;
+  AbsolutePose best{Rigid3d(), std::vector<bool>(n, false), 0};
   double iterations = options.ransac_iterations;
   for (int i = 0; i < iterations; ++i) {
     const std::optional<Rigid3d> candidate = problem.FitSample(&random);

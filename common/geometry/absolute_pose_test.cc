@@ -60,9 +60,9 @@ TEST_P(AbsolutePoseTest, NoiseAndOutliersAreTold) {
     const View view = RandomView(seed, 300, 1, 0.4, GetParam());
     const auto pose = Estimate(view);
     ASSERT_TRUE(pose.ok()) << pose.error().message;
-    // One pixel is 2 mrad; over 180 matches the rotation is known ten times better, coupled with the translation a few
-    // times worse.
-    EXPECT_THAT(pose->camera_from_map, RigidNear(view.camera_from_map, 0.02));
+    // One pixel is 12 to 24 thousandths at a distance of 6 to 12; averaging over 180 matches wins a factor of ten,
+    // which the coupling of rotation and translation takes back.
+    EXPECT_THAT(pose->camera_from_map, RigidNear(view.camera_from_map, 0.04));
     int wrong = 0;
     for (size_t i = 0; i < view.is_outlier.size(); ++i) wrong += pose->inliers[i] == view.is_outlier[i] ? 1 : 0;
     EXPECT_LE(wrong, 3);  // an outlier may lie within 4 px of its place by chance

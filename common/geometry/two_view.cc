@@ -120,8 +120,7 @@ const Candidate* FindRival(const std::vector<Candidate>& ranked, double ambiguit
   return rival == ranked.end() ? nullptr : &*rival;
 }
 
-/// Triangulates all matches by the chosen motion: optimal correction (paper Eq. 10), DLT (paper Eq. 11), and the
-/// checks.
+/// Triangulates all matches by the chosen motion: optimal correction (paper Eq. 10), DLT (paper Eq. 11), checks.
 /// @return how many points agree with the motion, with or without enough parallax.
 int Triangulate(const CalibratedMatches& m, TwoViewReconstruction* result) {
   const Rigid3d& motion = result->second_from_first;
@@ -143,7 +142,7 @@ int Triangulate(const CalibratedMatches& m, TwoViewReconstruction* result) {
     const bool has_parallax = parallax_cosine < m.max_parallax_cosine;
     const bool in_front = point->z() > 0 && (motion * *point).z() > 0;
     if (has_parallax && !in_front) continue;
-    parallaxes_deg.push_back(std::acos(std::clamp(std::abs(parallax_cosine), 0.0, 1.0)) * 180 / M_PI);
+    parallaxes_deg.push_back(std::acos(std::clamp(parallax_cosine, -1.0, 1.0)) * 180 / M_PI);
     result->points_in_first[i] = *point;
     result->valid[i] = has_parallax;
   }
@@ -151,16 +150,16 @@ int Triangulate(const CalibratedMatches& m, TwoViewReconstruction* result) {
   return static_cast<int>(parallaxes_deg.size());
 }
 
-/// The motions of the fundamental matrix (paper Eq. 9) and of the homography, or of the homography alone where it
-/// explains the pair.
+/// The motions of the homography and of the fundamental matrix (paper Eq. 9).
 std::vector<Candidate> CandidateMotions(const CalibratedMatches& m, const TwoViewModel& fundamental) {
   const Eigen::Matrix3d K1 = m.first_camera.K(), K2 = m.second_camera.K();
   const Result<TwoViewModel> homography = EstimateHomography(m.pixels, m.options);
   std::vector<Candidate> candidates;
   if (homography) {
     const Eigen::Matrix3d in_first_pixels = K1 * K2.inverse() * homography->second_from_first;
-    for (const Rigid3d& motion : DecomposeHomography(in_first_pixels, m.first_camera))
+    for (const Rigid3d& motion : DecomposeHomography(in_first_pixels, m.first_camera)) {
       candidates.push_back({motion, true});
+    }
   }
   for (const Rigid3d& motion : DecomposeEssential(K2.transpose() * fundamental.second_from_first * K1)) {
     candidates.push_back({motion, false});

@@ -33,13 +33,15 @@ class RandomEdits {
   void Edit(Kind kind) {
     switch (kind) {
       case kAddKeyFrame: return AddKeyFrame();
-      case kAddPoint: return AddPoint();
+      case kAddPoint:  // several: most other edits take points away
+        for (int i = 0; i < 5; ++i) AddPoint();
+        return;
       case kAddObservation: map_.AddObservation(SomePoint(), SomeKeyFrame(), SomeFeature()); return;
       case kRemoveObservation: return RemoveObservation();
       case kMovePoint: return map_.SetPosition(SomePoint(), SomePosition());
       case kMoveKeyFrame: return map_.SetPose(SomeKeyFrame(), SomePose());
       case kMerge: return Merge();
-      case kRemovePoint: return map_.points().size() > 3 ? map_.RemovePoint(SomePoint()) : AddPoint();
+      case kRemovePoint: return map_.points().size() > kEnough ? map_.RemovePoint(SomePoint()) : AddPoint();
       case kRemoveKeyFrame: return RemoveKeyFrame();
       case kHang: return Hang();
     }
@@ -89,6 +91,8 @@ class RandomEdits {
   static constexpr uint64_t kFeatures = 30;
 
  private:
+  static constexpr size_t kEnough = 10;  // points that random removals leave
+
   void AddKeyFrame() {
     const KeyFrameId id(0, 1, ++last_keyframe_);
     data_[id] = MakeData(id, &random_);
@@ -106,18 +110,18 @@ class RandomEdits {
   void RemoveObservation() {
     const MapPointId id = SomePoint();
     const auto& observations = map_.point(id).observations;
-    if (observations.size() <= 2) return map_.RemovePoint(id);
+    if (observations.size() <= 2) return AddPoint();
     map_.RemoveObservation(id, observations[random_.Below(observations.size())].keyframe);
   }
 
   void Merge() {
     const MapPointId from = SomePoint(), into = SomePoint();
-    if (from != into) map_.MergePoints(from, into);
+    if (from != into && map_.points().size() > kEnough) map_.MergePoints(from, into);
   }
 
   void RemoveKeyFrame() {
     const KeyFrameId id = SomeKeyFrame();
-    if (map_.keyframes().size() <= 2 || !map_.keyframe(id).parent.IsValid()) return AddKeyFrame();
+    if (map_.keyframes().size() <= 3 || !map_.keyframe(id).parent.IsValid()) return AddKeyFrame();
     map_.RemoveKeyFrame(id);
   }
 

@@ -17,6 +17,21 @@ Timestamp StampFromWire(const builtin_interfaces::msg::dds_::Time_& time) {
   return Timestamp{int64_t{time.sec()} * kNanosecondsPerSecond + time.nanosec()};
 }
 
+std_msgs::msg::dds_::Header_ MakeHeader(Timestamp stamp, const std::string& frame_id) {
+  int64_t seconds = stamp.ns / kNanosecondsPerSecond;
+  int64_t nanoseconds = stamp.ns % kNanosecondsPerSecond;
+  if (nanoseconds < 0) {  // nanosec counts forward, also before 1970
+    --seconds;
+    nanoseconds += kNanosecondsPerSecond;
+  }
+  PORTOLAN_CHECK(seconds >= INT32_MIN && seconds <= INT32_MAX) << "stamp " << stamp.ns << " ns does not fit ROS 2's";
+  std_msgs::msg::dds_::Header_ header;
+  header.stamp().sec(static_cast<int32_t>(seconds));
+  header.stamp().nanosec(static_cast<uint32_t>(nanoseconds));
+  header.frame_id(frame_id);
+  return header;
+}
+
 void CheckHeader(const std_msgs::msg::dds_::Header_& header, MessageCheck* check) {
   check->AtMost("header.stamp.nanosec", header.stamp().nanosec(), kNanosecondsPerSecond - 1);
 }
@@ -47,17 +62,8 @@ bool IsJpegOrPng(const std::vector<uint8_t>& data) {
 
 sensor_msgs::msg::dds_::Image_ ToWire(const Image& image, const std::string& frame_id) {
   PORTOLAN_CHECK(image.grey.type() == CV_8UC1) << "type " << image.grey.type();
-  int64_t seconds = image.stamp.ns / kNanosecondsPerSecond;
-  int64_t nanoseconds = image.stamp.ns % kNanosecondsPerSecond;
-  if (nanoseconds < 0) {  // nanosec counts forward, also before 1970
-    --seconds;
-    nanoseconds += kNanosecondsPerSecond;
-  }
-  PORTOLAN_CHECK(seconds >= INT32_MIN && seconds <= INT32_MAX) << "stamp " << image.stamp.ns << " ns does not fit ROS 2's";
   sensor_msgs::msg::dds_::Image_ wire;
-  wire.header().stamp().sec(static_cast<int32_t>(seconds));
-  wire.header().stamp().nanosec(static_cast<uint32_t>(nanoseconds));
-  wire.header().frame_id(frame_id);
+  wire.header(MakeHeader(image.stamp, frame_id));
   wire.height(static_cast<uint32_t>(image.grey.rows));
   wire.width(static_cast<uint32_t>(image.grey.cols));
   wire.encoding("mono8");
@@ -68,6 +74,14 @@ sensor_msgs::msg::dds_::Image_ ToWire(const Image& image, const std::string& fra
   for (int row = 0; row < image.grey.rows; ++row) {
     std::memcpy(wire.data().data() + static_cast<size_t>(row) * row_bytes, image.grey.ptr(row), row_bytes);
   }
+  return wire;
+}
+
+sensor_msgs::msg::dds_::CompressedImage_ ToWire(const CompressedImage& image, const std::string& frame_id) {
+  sensor_msgs::msg::dds_::CompressedImage_ wire;
+  wire.header(MakeHeader(image.stamp, frame_id));
+  wire.format("jpeg");
+  wire.data(image.bytes);
   return wire;
 }
 

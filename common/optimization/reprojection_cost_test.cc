@@ -13,8 +13,8 @@ constexpr double kStep = 1e-6;
 constexpr double kSigma = 1.7;
 
 /// A posed camera, moved away from its reference, and a point in its view.
-struct Setup {
-  explicit Setup(uint64_t seed) : random(seed), pose(RandomRigid(&random)) {
+struct PosedPoint {
+  explicit PosedPoint(uint64_t seed) : random(seed), pose(RandomRigid(&random)) {
     for (int k = 0; k < 6; ++k) pose.parameters()[k] = 0.3 * random.Gaussian();
     pose.Prepare();
     point = pose.CameraFromMap().Inverse() * RandomPointInView(&random, camera, 2, 8);
@@ -27,7 +27,7 @@ struct Setup {
   PixelMeasurement measurement;
 };
 
-Eigen::Vector2d Residual(Setup* setup) {
+Eigen::Vector2d Residual(PosedPoint* setup) {
   setup->pose.Prepare();
   const ReprojectionCost cost(&setup->pose, &setup->camera, setup->measurement);
   const double* parameters[] = {setup->pose.parameters(), setup->point.data()};
@@ -37,7 +37,7 @@ Eigen::Vector2d Residual(Setup* setup) {
 }
 
 /// Central difference by one parameter.
-Eigen::Vector2d NumericDerivative(Setup* setup, double* parameter) {
+Eigen::Vector2d NumericDerivative(PosedPoint* setup, double* parameter) {
   const double value = *parameter;
   *parameter = value + kStep;
   const Eigen::Vector2d plus = Residual(setup);
@@ -56,21 +56,21 @@ TEST(PoseUpdateTest, StartsAtItsReference) {
 }
 
 TEST(PoseUpdateTest, PreparedMatrixIsThePose) {
-  Setup setup(2);
+  PosedPoint setup(2);
   const Eigen::Vector3d x = RandomVector(&setup.random);
   EXPECT_THAT(Eigen::Vector3d(setup.pose.rotation() * x + setup.pose.translation()),
               VectorNear(Eigen::Vector3d(setup.pose.CameraFromMap() * x), 1e-12));
 }
 
 TEST(ReprojectionCostTest, ResidualIsTheErrorInSigmas) {
-  Setup setup(3);
+  PosedPoint setup(3);
   const Eigen::Vector2d projected = setup.camera.Project(setup.pose.CameraFromMap() * setup.point);
   EXPECT_THAT(Residual(&setup), VectorNear(Eigen::Vector2d((projected - setup.measurement.pixel_px) / kSigma), 1e-9));
 }
 
 TEST(ReprojectionCostTest, JacobiansAreTheNumericOnes) {
   for (uint64_t seed = 4; seed < 14; ++seed) {
-    Setup setup(seed);
+    PosedPoint setup(seed);
     const ReprojectionCost cost(&setup.pose, &setup.camera, setup.measurement);
     const double* parameters[] = {setup.pose.parameters(), setup.point.data()};
     Eigen::Matrix<double, 2, 6, Eigen::RowMajor> by_pose;
@@ -91,7 +91,7 @@ TEST(ReprojectionCostTest, JacobiansAreTheNumericOnes) {
 }
 
 TEST(ReprojectionCostTest, FixedPoseGivesTheSameResidualAndPointJacobian) {
-  Setup setup(20);
+  PosedPoint setup(20);
   const ReprojectionCost free_cost(&setup.pose, &setup.camera, setup.measurement);
   const FixedPoseReprojectionCost fixed_cost(&setup.pose, &setup.camera, setup.measurement);
   const double* free_parameters[] = {setup.pose.parameters(), setup.point.data()};
@@ -107,7 +107,7 @@ TEST(ReprojectionCostTest, FixedPoseGivesTheSameResidualAndPointJacobian) {
 }
 
 TEST(ReprojectionCostTest, BehindTheCameraIsAConstantError) {
-  Setup setup(21);
+  PosedPoint setup(21);
   setup.point = setup.pose.CameraFromMap().Inverse() * Eigen::Vector3d(0.1, 0.1, -2);
   const ReprojectionCost cost(&setup.pose, &setup.camera, setup.measurement);
   const double* parameters[] = {setup.pose.parameters(), setup.point.data()};

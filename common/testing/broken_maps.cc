@@ -44,8 +44,10 @@ MapDelta MakeGoodDelta(const Map& map, const SyntheticScene& scene, size_t next_
   delta.epoch = map.epoch();
   delta.base_revision = map.revision();
   delta.revision = map.revision() + 1;
-  delta.keyframes.push_back({last.data->id, last.camera_from_map, last.parent, static_cast<uint32_t>(last.landmarks.size())});
-  delta.keyframes.push_back({next.data->id, next.camera_from_world, last.data->id, static_cast<uint32_t>(next.data->features.size())});
+  delta.keyframes.push_back(
+      {last.data->id, last.camera_from_map, last.parent, static_cast<uint32_t>(last.landmarks.size())});
+  delta.keyframes.push_back(
+      {next.data->id, next.camera_from_world, last.data->id, static_cast<uint32_t>(next.data->features.size())});
   delta.points.push_back({moved, map.point(moved).position_in_map + Eigen::Vector3f(0.01f, 0, 0)});
   delta.points.push_back({added, Eigen::Vector3f(0, 0, static_cast<float>(scene.options.depth))});
   delta.observations.push_back({added, last.data->id, static_cast<int32_t>(FreeFeature(last.landmarks))});
@@ -68,14 +70,17 @@ std::vector<BrokenDelta> MakeBrokenDeltas(const Map& map, const SyntheticScene& 
   add("of another map", [&](MapDelta* d) { d->map = MapId(map.id().value + 1); });
   add("from a later revision", [](MapDelta* d) { ++d->base_revision, ++d->revision; });
   add("keyframe without an id", [](MapDelta* d) { d->keyframes[1].id = KeyFrameId(); });
-  add("keyframe data missing", [&](MapDelta* d) { d->keyframes[1].id = d->observations[1].keyframe = unknown_keyframe; });
+  add("keyframe data missing",
+      [&](MapDelta* d) { d->keyframes[1].id = d->observations[1].keyframe = unknown_keyframe; });
   add("keyframe with another number of features", [](MapDelta* d) { ++d->keyframes[1].num_features; });
   add("parent unknown", [&](MapDelta* d) { d->keyframes[1].parent = unknown_keyframe; });
   add("pose not finite", [](MapDelta* d) { d->keyframes[1].camera_from_map.translation.x() = kNaN; });
   add("rotation not finite", [](MapDelta* d) { d->keyframes[0].camera_from_map.rotation.x() = kNaN; });
   add("rotation not a unit quaternion", [](MapDelta* d) { d->keyframes[0].camera_from_map.rotation.coeffs() *= 2; });
-  add("point without an id", [](MapDelta* d) { d->points[1].id = d->observations[0].point = d->observations[1].point = MapPointId(); });
-  add("point not finite", [](MapDelta* d) { d->points[0].position_in_map.z() = std::numeric_limits<float>::infinity(); });
+  add("point without an id",
+      [](MapDelta* d) { d->points[1].id = d->observations[0].point = d->observations[1].point = MapPointId(); });
+  add("point not finite",
+      [](MapDelta* d) { d->points[0].position_in_map.z() = std::numeric_limits<float>::infinity(); });
   add("observed point unknown", [&](MapDelta* d) { d->observations[0].point = unknown_point; });
   add("observed point removed", [&](MapDelta* d) {
     d->removed_points.push_back({moved, MapPointId()});
@@ -85,11 +90,11 @@ std::vector<BrokenDelta> MakeBrokenDeltas(const Map& map, const SyntheticScene& 
   add("observing keyframe unknown", [&](MapDelta* d) { d->observations[0].keyframe = unknown_keyframe; });
   add("feature out of range", [&](MapDelta* d) { d->observations[0].feature = num_features; });
   add("feature below -1", [](MapDelta* d) { d->observations[0].feature = -2; });
-  add("feature taken by another point", [&](MapDelta* d) {
-    d->observations[0].feature = static_cast<int32_t>(TakenFeature(last.landmarks));
-  });
+  add("feature taken by another point",
+      [&](MapDelta* d) { d->observations[0].feature = static_cast<int32_t>(TakenFeature(last.landmarks)); });
   add("removed keyframe's pose not finite", [&](MapDelta* d) {
-    d->removed_keyframes.push_back({unknown_keyframe, last.data->id, Rigid3d(Eigen::Quaterniond::Identity(), {kNaN, 0, 0})});
+    d->removed_keyframes.push_back(
+        {unknown_keyframe, last.data->id, Rigid3d(Eigen::Quaterniond::Identity(), {kNaN, 0, 0})});
   });
   return broken;
 }
@@ -116,7 +121,9 @@ std::vector<BrokenMap> MakeBrokenMaps(const SyntheticScene& scene) {
   add("parent unknown", "unknown parent", [&](Map* map) {
     map->SetParent(third, KeyFrameId(scene.options.robot, scene.options.session, kUnusedSequence));
   });
-  add("pose not finite", "pose", [&](Map* map) { map->SetPose(second, Rigid3d(Eigen::Quaterniond::Identity(), {0, kNaN, 0})); });
+  add("pose not finite", "pose", [&](Map* map) {
+    map->SetPose(second, Rigid3d(Eigen::Quaterniond::Identity(), {0, kNaN, 0}));
+  });
   add("rotation not a unit quaternion", "pose", [&](Map* map) {
     Rigid3d pose = map->keyframe(second).camera_from_map;
     pose.rotation.coeffs() *= 1.01;

@@ -14,10 +14,10 @@ struct BrokenDelta {
   MapDelta delta;
 };
 
-/// The right delta that the broken ones are made from: it brings in the scene's view `next_view` and a new point seen by it and by the map's
-/// last keyframe, and moves a pose and a point.
-/// @param map as the replica holds it: from BuildMap(scene), its delta taken (revision 1 or more), with at least two keyframes and a free
-/// feature in the last one (num_clutter above 0); `next_view` is not in it.
+/// The right delta that the broken ones are made from: it brings in the scene's view `next_view` and a new point seen
+/// by it and by the map's last keyframe, and moves a pose and a point.
+/// @param map as the replica holds it: from BuildMap(scene), its delta taken (revision 1 or more), with at least two
+/// keyframes and a free feature in the last one (num_clutter above 0); `next_view` is not in it.
 MapDelta MakeGoodDelta(const Map& map, const SyntheticScene& scene, size_t next_view);
 
 /// One delta per rule of Map::Apply, each MakeGoodDelta but for one thing.

@@ -34,8 +34,7 @@ void AppendArc(const Eigen::Vector2d& from, const Eigen::Vector2d& unit, double 
   const int steps = std::max(1, static_cast<int>(radius * std::abs(turn) / kRoadStep));
   for (int i = 0; i < steps; ++i) {
     const double angle = std::abs(turn) * i / steps;
-    const Eigen::Vector2d position =
-        from + radius * (std::sin(angle) * unit + side * (1 - std::cos(angle)) * left);
+    const Eigen::Vector2d position = from + radius * (std::sin(angle) * unit + side * (1 - std::cos(angle)) * left);
     road->push_back({position, yaw + side * angle, true});
   }
 }
@@ -88,7 +87,9 @@ CameraStance Sway(const RoadPoint& point, double t_s, const RoadOptions& options
 }
 
 /// a + (b - a) reduced to the nearest turn.
-double UnwrapAngle(double a, double b) { return a + std::remainder(b - a, 2 * M_PI); }
+double UnwrapAngle(double a, double b) {
+  return a + std::remainder(b - a, 2 * M_PI);
+}
 
 }  // namespace
 

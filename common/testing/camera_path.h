@@ -18,7 +18,8 @@ struct CameraStance {
 /// world_from_camera of a stance; the camera looks along its +z, x right, y down.
 Rigid3d WorldFromCamera(const CameraStance& stance);
 
-/// A smooth camera motion: the uniform cubic B-spline (C2) over stances. The spline is the truth; it passes near its stances, not through them.
+/// A smooth camera motion: the uniform cubic B-spline (C2) over stances. The spline is the truth; it passes near its
+/// stances, not through them.
 class CameraPath {
  public:
   /// @param stances at least 2, `interval_s` > 0 apart; yaw is unwrapped here.
@@ -34,16 +35,17 @@ class CameraPath {
   double interval_s_;
 };
 
-/// A drive along a polyline on the ground whose corners are rounded, slower in the corners, with the small sway of a vehicle or walker.
+/// A drive along a polyline on the ground whose corners are rounded, slower in the corners, with the small sway of a
+/// vehicle or walker.
 struct RoadOptions {
-  double camera_height = 1.6;     ///< m
-  double speed = 4.5;             ///< m/s on the straights
-  double corner_speed = 3.0;      ///< m/s: with the radius below a right angle takes about 2.6 s
-  double corner_radius = 5.0;     ///< m, of the camera's way round a corner
-  double sway = 0.02;             ///< m, amplitude up and down; sideways half of it
-  double sway_hz = 1.6;           ///< a walker's steps
-  double glance = 0.06;           ///< rad, amplitude of slow looking left and right
-  double pitch = 0.05;            ///< rad, mean, upwards
+  double camera_height = 1.6;  ///< m
+  double speed = 4.5;          ///< m/s on the straights
+  double corner_speed = 3.0;   ///< m/s: with the radius below a right angle takes about 2.6 s
+  double corner_radius = 5.0;  ///< m, of the camera's way round a corner
+  double sway = 0.02;          ///< m, amplitude up and down; sideways half of it
+  double sway_hz = 1.6;        ///< a walker's steps
+  double glance = 0.06;        ///< rad, amplitude of slow looking left and right
+  double pitch = 0.05;         ///< rad, mean, upwards
 };
 /// @param corners_in_world at least 2 points, neighbours more than 2 corner radii apart.
 CameraPath MakeRoadPath(const std::vector<Eigen::Vector2d>& corners_in_world, const RoadOptions& options);

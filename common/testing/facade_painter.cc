@@ -12,10 +12,14 @@ int Between(int low, int high, Random* random) {
 
 cv::Mat PaintMaterial(int side, Random* random) {
   switch (random->Below(4)) {
-    case 0: return PaintBricks(side, Between(36, 60, random), random->Uniform(90, 160), random);
-    case 1: return PaintBricks(side, Between(10, 18, random), random->Uniform(140, 200), random);  // ashlar
-    case 2: return PaintPavement(side, Between(6, 10, random), random);                            // panels
-    default: return PaintNoise({side, side}, random->Uniform(120, 200), 70, side / 8, random);     // plaster
+    case 0:
+      return PaintBricks(side, Between(36, 60, random), random->Uniform(90, 160), random);
+    case 1:
+      return PaintBricks(side, Between(10, 18, random), random->Uniform(140, 200), random);  // ashlar
+    case 2:
+      return PaintPavement(side, Between(6, 10, random), random);  // panels
+    default:
+      return PaintNoise({side, side}, random->Uniform(120, 200), 70, side / 8, random);  // plaster
   }
 }
 
@@ -47,12 +51,13 @@ void PaintWindow(cv::Mat* picture, const cv::Rect& opening, const WindowStyle& s
     const int fold = Between(opening.width / 8, opening.width / 2, random);
     cv::rectangle(glass, {0, 0}, {fold, opening.height}, random->Uniform(120, 220), cv::FILLED);
     if (random->Below(2)) {
-      cv::rectangle(glass, {opening.width - fold, 0}, {opening.width, opening.height}, random->Uniform(120, 220), cv::FILLED);
+      cv::rectangle(glass, {opening.width - fold, 0}, {opening.width, opening.height}, random->Uniform(120, 220),
+                    cv::FILLED);
     }
   }
   if (random->Below(4) == 0) {  // flowers, a cat, a lamp
-    cv::circle(glass, {Between(0, opening.width, random), opening.height * 4 / 5}, opening.width / 6, random->Uniform(10, 240),
-               cv::FILLED, cv::LINE_AA);
+    cv::circle(glass, {Between(0, opening.width, random), opening.height * 4 / 5}, opening.width / 6,
+               random->Uniform(10, 240), cv::FILLED, cv::LINE_AA);
   }
   const int t = style.thickness;
   for (int i = 1; i <= style.bars_down; ++i) {
@@ -85,12 +90,13 @@ void PaintDoor(cv::Mat* picture, const cv::Rect& door, Random* random) {
   cv::rectangle(*picture, door, tone, cv::FILLED);
   const int rows = Between(2, 4, random);
   for (int row = 0; row < rows; ++row) {
-    const cv::Rect panel(door.x + door.width / 6, door.y + door.height * row / rows + door.height / 20, door.width * 4 / 6,
-                         door.height / rows - door.height / 10);
+    const cv::Rect panel(door.x + door.width / 6, door.y + door.height * row / rows + door.height / 20,
+                         door.width * 4 / 6, door.height / rows - door.height / 10);
     cv::rectangle(*picture, panel, row == 0 ? random->Uniform(20, 240) : tone * 0.7, cv::FILLED);
   }
   cv::rectangle(*picture, door, tone > 110 ? 30 : 220, std::max(2, door.width / 16));
-  cv::circle(*picture, {door.x + door.width * 7 / 8, door.y + door.height / 2}, std::max(2, door.width / 18), 240, cv::FILLED);
+  cv::circle(*picture, {door.x + door.width * 7 / 8, door.y + door.height / 2}, std::max(2, door.width / 18), 240,
+             cv::FILLED);
 }
 
 /// Shop windows or doors and posters at street level.
@@ -159,7 +165,8 @@ cv::Mat PaintFacade(int side, int storeys, Random* random) {
   }
   PaintGroundFloor(&picture, {0, (storeys - 1) * height, side, height}, style, random);
   cv::rectangle(picture, cv::Rect(0, 0, side, side / 40), random->Uniform(50, 90), cv::FILLED);  // the eaves
-  for (int x = 0; x < side; x += side / 24) cv::rectangle(picture, cv::Rect(x, 0, side / 60, side / 50), 200, cv::FILLED);
+  for (int x = 0; x < side; x += side / 24)
+    cv::rectangle(picture, cv::Rect(x, 0, side / 60, side / 50), 200, cv::FILLED);
   const cv::Mat grain = PaintNoise(picture.size(), 128, 26, 32, random);
   cv::multiply(picture, grain, picture, 1.0 / 128);
   return picture;

@@ -52,7 +52,8 @@ Map BuildMap(const SyntheticScene& scene, const MapBuilderOptions& options) {
   for (size_t i = 0; i < num_views; ++i) {
     Rigid3d camera_from_map = TransformPose(scene.views[i].camera_from_world, options.map_from_world);
     if (i > 0) {
-      const Rigid3d noise(ExpSO3(GaussianVector(options.pose_sigma, &random)), GaussianVector(options.pose_sigma, &random));
+      const Rigid3d noise(ExpSO3(GaussianVector(options.pose_sigma, &random)),
+                          GaussianVector(options.pose_sigma, &random));
       camera_from_map = noise * camera_from_map;
     }
     map.AddKeyFrame(scene.views[i].data, camera_from_map, i > 0 ? scene.views[i - 1].data->id : KeyFrameId());
@@ -63,7 +64,8 @@ Map BuildMap(const SyntheticScene& scene, const MapBuilderOptions& options) {
     const MapPointId id = PointOfLandmark(scene, static_cast<int>(landmark));
     const Eigen::Vector3d position = options.map_from_world * scene.landmarks_in_world[landmark];
     map.AddPoint(id, (position + GaussianVector(options.point_sigma, &random)).cast<float>());
-    for (const auto& [view, feature] : observations[landmark]) map.AddObservation(id, scene.views[view].data->id, feature);
+    for (const auto& [view, feature] : observations[landmark])
+      map.AddObservation(id, scene.views[view].data->id, feature);
   }
   map.RefreshDerived();
   return map;

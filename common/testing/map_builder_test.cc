@@ -53,7 +53,8 @@ TEST(MapNear, SeesOnePoseOrPointThatIsWrong) {
   EXPECT_THAT(moved, Not(MapNear(scene, tolerance)));
   EXPECT_THAT(moved, Not(MapNear(good, tolerance)));
   Map turned = good;
-  turned.SetPose(second, Rigid3d(ExpSO3({0, 0, 0.01}), Eigen::Vector3d::Zero()) * good.keyframe(second).camera_from_map);
+  turned.SetPose(second,
+                 Rigid3d(ExpSO3({0, 0, 0.01}), Eigen::Vector3d::Zero()) * good.keyframe(second).camera_from_map);
   EXPECT_THAT(turned, Not(MapNear(scene, tolerance)));
   Map bent = good;
   const MapPointId point = good.SortedPointIds()[7];
@@ -82,7 +83,9 @@ TEST(RigidNear, HasBothTolerances) {
 /// A replica that holds the first four views, and what it knows of data.
 class BrokenDeltaTest : public testing::Test {
  protected:
-  BrokenDeltaTest() : scene_(MakeScene()), map_(BuildMap(scene_, FourKeyFrames())) { static_cast<void>(map_.TakeDelta()); }
+  BrokenDeltaTest() : scene_(MakeScene()), map_(BuildMap(scene_, FourKeyFrames())) {
+    static_cast<void>(map_.TakeDelta());
+  }
   static MapBuilderOptions FourKeyFrames() {
     MapBuilderOptions options;
     options.num_keyframes = 4;

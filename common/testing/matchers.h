@@ -12,7 +12,8 @@
 
 namespace portolan {
 
-/// Bounds of RigidNear and MapNear. Rotations in radians; lengths in the units of what is compared (for maps: of the truth).
+/// Bounds of RigidNear and MapNear. Rotations in radians; lengths in the units of what is compared (for maps: of the
+/// truth).
 struct PoseTolerance {
   double rotation_rad = 1e-6;
   double translation = 1e-6;
@@ -40,16 +41,21 @@ MATCHER_P3(Sim3Near, expected, tolerance, scale, "is within the tolerance of a s
 }
 
 namespace internal {
-inline MapError CompareToTruth(const Map& map, const SyntheticScene& truth) { return CompareWithScene(map, truth); }
-inline MapError CompareToTruth(const Map& map, const Map& truth) { return CompareMaps(map, truth); }
+inline MapError CompareToTruth(const Map& map, const SyntheticScene& truth) {
+  return CompareWithScene(map, truth);
+}
+inline MapError CompareToTruth(const Map& map, const Map& truth) {
+  return CompareMaps(map, truth);
+}
 }  // namespace internal
 
-/// EXPECT_THAT(map, MapNear(scene, tolerance)): a map, after the best similarity, has every camera and point near the truth
-/// (a SyntheticScene or another Map). An empty map is near nothing.
+/// EXPECT_THAT(map, MapNear(scene, tolerance)): a map, after the best similarity, has every camera and point near the
+/// truth (a SyntheticScene or another Map). An empty map is near nothing.
 MATCHER_P2(MapNear, truth, tolerance, "is, but for a similarity, near the true map") {
   const MapError error = internal::CompareToTruth(arg, truth);
   if (!error.aligned) {
-    *result_listener << "can't be aligned: " << error.num_keyframes << " keyframes and " << error.num_points << " points in common";
+    *result_listener << "can't be aligned: " << error.num_keyframes << " keyframes and " << error.num_points
+                     << " points in common";
     return false;
   }
   *result_listener << error.num_keyframes << " keyframes off by at most " << error.max_rotation_rad << " rad and "

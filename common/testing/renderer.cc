@@ -48,7 +48,8 @@ float SkyGrey(const Eigen::Vector3d& direction_in_world) {
 }  // namespace
 
 Renderer::Renderer(const SyntheticWorld& world, const PinholeCamera& camera) : world_(world), camera_(camera) {
-  PORTOLAN_CHECK(camera.width > 0 && camera.height > 0 && camera.fx > 0 && camera.fy > 0) << " a camera without size or focal length";
+  PORTOLAN_CHECK(camera.width > 0 && camera.height > 0 && camera.fx > 0 && camera.fy > 0)
+      << " a camera without size or focal length";
   const size_t pixels = static_cast<size_t>(camera.width) * static_cast<size_t>(camera.height);
   for (int s = 0; s < kSamples; ++s) {
     inverse_z_[s].resize(pixels);
@@ -63,7 +64,8 @@ bool Renderer::Project(const TexturedQuad& quad, const Rigid3d& camera_from_worl
   const Eigen::Vector3d away = edge_u.cross(edge_v);
   const double offset = away.dot(corner);
   if (offset <= 0) return false;  // seen from behind
-  const std::vector<Eigen::Vector3d> clipped = ClipNear({corner, corner + edge_u, corner + edge_u + edge_v, corner + edge_v});
+  const std::vector<Eigen::Vector3d> clipped =
+      ClipNear({corner, corner + edge_u, corner + edge_u + edge_v, corner + edge_v});
   if (clipped.size() < 3) return false;
   out->outline_px.clear();
   out->nearest_z = clipped[0].z();

@@ -10,9 +10,9 @@
 
 namespace portolan {
 
-/// Renders a world as an ideal pinhole camera sees it, with exact geometry: visibility at four samples a pixel with a depth buffer, then each
-/// visible surface of a pixel shaded once from its mip levels (multisampling). CPU, one thread, deterministic. Keeps its buffers between
-/// calls: one object per thread.
+/// Renders a world as an ideal pinhole camera sees it, with exact geometry: visibility at four samples a pixel with a
+/// depth buffer, then each visible surface of a pixel shaded once from its mip levels (multisampling). CPU, one thread,
+/// deterministic. Keeps its buffers between calls: one object per thread.
 ///
 ///   Renderer renderer(world, camera);
 ///   cv::Mat grey = renderer.Render(world_from_camera);
@@ -43,9 +43,9 @@ class Renderer {
 
   const SyntheticWorld& world_;
   const PinholeCamera camera_;
-  std::vector<ScreenQuad> visible_;          // of the frame, nearest first
-  std::vector<float> inverse_z_[kSamples];   // height x width per sample: 1/z of what is seen, 0 for sky
-  std::vector<int32_t> surface_[kSamples];   // index into visible_, -1 for sky
+  std::vector<ScreenQuad> visible_;         // of the frame, nearest first
+  std::vector<float> inverse_z_[kSamples];  // height x width per sample: 1/z of what is seen, 0 for sky
+  std::vector<int32_t> surface_[kSamples];  // index into visible_, -1 for sky
 };
 
 }  // namespace portolan

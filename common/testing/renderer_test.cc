@@ -57,9 +57,9 @@ TEST(Renderer, NearerSurfacesHideFartherOnesAndBacksAreInvisible) {
   WorldBuilder builder;
   const int dark = builder.AddTexture(cv::Mat::ones(64, 64, CV_8UC1) * 20);
   const int bright = builder.AddTexture(cv::Mat::ones(64, 64, CV_8UC1) * 200);
-  builder.AddWall({3, 1}, {3, -1}, -1, 1, {bright});   // far, drawn first
-  builder.AddWall({2, 0}, {2, -1}, -1, 1, {dark});     // near, on the right half
-  builder.AddWall({1, -1}, {1, 1}, -1, 1, {bright});   // its back is towards the camera
+  builder.AddWall({3, 1}, {3, -1}, -1, 1, {bright});  // far, drawn first
+  builder.AddWall({2, 0}, {2, -1}, -1, 1, {dark});    // near, on the right half
+  builder.AddWall({1, -1}, {1, 1}, -1, 1, {bright});  // its back is towards the camera
   const SyntheticWorld world = builder.Take();
   const PinholeCamera camera = MakeSyntheticCamera(320, 240);
   const cv::Mat light = Renderer(world, camera).Render(WorldFromCamera(CameraStance()));
@@ -75,7 +75,8 @@ TEST(Renderer, ClipsWhatReachesBehindTheCamera) {
   const cv::Mat light = Renderer(world, camera).Render(WorldFromCamera(CameraStance()));
   EXPECT_LT(light.at<float>(230, 160), 45);   // the ground
   EXPECT_GT(light.at<float>(100, 160), 150);  // the sky
-  EXPECT_GT(light.at<float>(121, 160), light.at<float>(130, 160));  // the end of the ground at 50 m lies 5 rows below the horizon
+  EXPECT_GT(light.at<float>(121, 160),
+            light.at<float>(130, 160));  // the end of the ground at 50 m lies 5 rows below the horizon
 }
 
 TEST(Renderer, SeesWhatARayMeets) {
@@ -97,7 +98,8 @@ TEST(Renderer, SeesWhatARayMeets) {
     ASSERT_TRUE(hit.has_value());  // the room is closed
     const TexturedQuad& quad = world.quads[static_cast<size_t>(hit->quad)];
     const Eigen::Vector3d on_quad = hit->point_in_world - quad.corner_in_world;
-    const double a = on_quad.dot(quad.edge_u) / quad.edge_u.squaredNorm(), b = on_quad.dot(quad.edge_v) / quad.edge_v.squaredNorm();
+    const double a = on_quad.dot(quad.edge_u) / quad.edge_u.squaredNorm(),
+                 b = on_quad.dot(quad.edge_v) / quad.edge_v.squaredNorm();
     const Eigen::Vector2d uv = quad.uv_corner + Eigen::Vector2d(a * quad.uv_size.x(), b * quad.uv_size.y());
     const float grey = quad.shade * world.textures[static_cast<size_t>(quad.texture)].Sample(uv.x(), uv.y(), 0.5f);
     differences.push_back(std::abs(grey - light.at<float>(static_cast<int>(pixel.y()), static_cast<int>(pixel.x()))));
@@ -110,8 +112,8 @@ struct Reprojection {
   std::vector<double> differences, shuffled, shifted;
 };
 
-/// Carries pixels of frame a over to frame b by the true surface and poses and compares grey values: at the true place, at the place of
-/// another pixel, and half a pixel aside.
+/// Carries pixels of frame a over to frame b by the true surface and poses and compares grey values: at the true place,
+/// at the place of another pixel, and half a pixel aside.
 Reprojection Reproject(const SyntheticSequence& sequence, size_t a, size_t b) {
   Renderer renderer(sequence.world(), sequence.camera());
   const Rigid3d& pose_a = sequence.frames()[a].world_from_camera;
@@ -121,13 +123,17 @@ Reprojection Reproject(const SyntheticSequence& sequence, size_t a, size_t b) {
   Reprojection result;
   double last = 0;
   while (result.differences.size() < 1500) {
-    const Eigen::Vector2d pixel(random.Uniform(2, sequence.camera().width - 3), random.Uniform(2, sequence.camera().height - 3));
-    const auto hit = CastRay(sequence.world(), pose_a.translation, pose_a.rotation * sequence.camera().Unproject(pixel));
+    const Eigen::Vector2d pixel(random.Uniform(2, sequence.camera().width - 3),
+                                random.Uniform(2, sequence.camera().height - 3));
+    const auto hit =
+        CastRay(sequence.world(), pose_a.translation, pose_a.rotation * sequence.camera().Unproject(pixel));
     if (!hit) continue;
     const Eigen::Vector3d in_b = pose_b.Inverse() * hit->point_in_world;
     if (in_b.z() < 0.1) continue;
     const Eigen::Vector2d seen = sequence.camera().Project(in_b);
-    if (!sequence.camera().Contains(seen + Eigen::Vector2d(2, 2)) || !sequence.camera().Contains(seen - Eigen::Vector2d(2, 2))) continue;
+    if (!sequence.camera().Contains(seen + Eigen::Vector2d(2, 2)) ||
+        !sequence.camera().Contains(seen - Eigen::Vector2d(2, 2)))
+      continue;
     const auto back = CastRay(sequence.world(), pose_b.translation, hit->point_in_world - pose_b.translation);
     if (!back || back->quad != hit->quad) continue;  // hidden in b
     const double grey = Grey(light_a, pixel);

@@ -26,11 +26,13 @@ const std::vector<float>& NoiseTable() {
 }  // namespace
 
 Status SensorOptions::Check() const {
-  if (!(noise_sigma >= 0 && noise_sigma <= 100)) return Error{"noise_sigma: " + std::to_string(noise_sigma) + ", expected 0 to 100 grey levels"};
+  if (!(noise_sigma >= 0 && noise_sigma <= 100))
+    return Error{"noise_sigma: " + std::to_string(noise_sigma) + ", expected 0 to 100 grey levels"};
   if (!(exposure_change >= 0 && exposure_change < 1)) {
     return Error{"exposure_change: " + std::to_string(exposure_change) + ", expected 0 to 1"};
   }
-  if (!(exposure_s >= 0 && exposure_s <= 1)) return Error{"exposure_s: " + std::to_string(exposure_s) + ", expected 0 to 1 s"};
+  if (!(exposure_s >= 0 && exposure_s <= 1))
+    return Error{"exposure_s: " + std::to_string(exposure_s) + ", expected 0 to 1 s"};
   return Ok{};
 }
 

@@ -17,7 +17,8 @@ struct SensorOptions {
 };
 
 /// Turns rendered light into the sensor's picture: exposure, noise, rounding, clipping to 0 to 255.
-/// @param light CV_32FC1. @param stamp_s of the frame, for the exposure. @param seed another for each frame: same seed, same noise.
+/// @param light CV_32FC1. @param stamp_s of the frame, for the exposure. @param seed another for each frame: same seed,
+/// same noise.
 /// @return CV_8UC1.
 cv::Mat Expose(const cv::Mat& light, double stamp_s, uint64_t seed, const SensorOptions& options);
 

@@ -19,17 +19,21 @@ constexpr int kJpegQuality = 95;
 /// The files of one layout, relative to its folder.
 struct Files {
   std::string picture_folder;
-  std::function<std::string(size_t, Timestamp)> picture_name;             // without extension
-  std::function<std::vector<std::pair<std::string, std::string>>(const SyntheticSequence&, const std::string&)> texts;  // path, content
+  std::function<std::string(size_t, Timestamp)> picture_name;  // without extension
+  std::function<std::vector<std::pair<std::string, std::string>>(const SyntheticSequence&, const std::string&)>
+      texts;  // path, content
 };
 
-std::string Seconds(Timestamp stamp) { return fmt::format("{:.6f}", stamp.Seconds()); }
+std::string Seconds(Timestamp stamp) {
+  return fmt::format("{:.6f}", stamp.Seconds());
+}
 
 /// "tx ty tz qx qy qz qw" with enough digits for the exact value to a nanometre.
 std::string TumPose(const Rigid3d& pose) {
   const Eigen::Vector3d& t = pose.translation;
   const Eigen::Quaterniond& q = pose.rotation;
-  return fmt::format("{:.9f} {:.9f} {:.9f} {:.12f} {:.12f} {:.12f} {:.12f}", t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w());
+  return fmt::format("{:.9f} {:.9f} {:.9f} {:.12f} {:.12f} {:.12f} {:.12f}", t.x(), t.y(), t.z(), q.x(), q.y(), q.z(),
+                     q.w());
 }
 
 Files TumFiles() {
@@ -82,10 +86,11 @@ Files EurocFiles() {
       // Velocity by a central difference on the path; there is no inertial sensor, so no biases.
       constexpr double kStep = 1e-4;
       const double speed = frame.black ? 0 : sequence.options().speed;
-      const Eigen::Vector3d v = speed / (2 * kStep) *
-                                (sequence.path().At(frame.path_s + kStep).translation - sequence.path().At(frame.path_s - kStep).translation);
-      truth += fmt::format("{},{:.9f},{:.9f},{:.9f},{:.12f},{:.12f},{:.12f},{:.12f},{:.6f},{:.6f},{:.6f},0,0,0,0,0,0\n", frame.stamp.ns,
-                           t.x(), t.y(), t.z(), q.w(), q.x(), q.y(), q.z(), v.x(), v.y(), v.z());
+      const Eigen::Vector3d v =
+          speed / (2 * kStep) *
+          (sequence.path().At(frame.path_s + kStep).translation - sequence.path().At(frame.path_s - kStep).translation);
+      truth += fmt::format("{},{:.9f},{:.9f},{:.9f},{:.12f},{:.12f},{:.12f},{:.12f},{:.6f},{:.6f},{:.6f},0,0,0,0,0,0\n",
+                           frame.stamp.ns, t.x(), t.y(), t.z(), q.w(), q.x(), q.y(), q.z(), v.x(), v.y(), v.z());
     }
     const PinholeCamera& c = sequence.camera();
     const std::string yaml = fmt::format(
@@ -94,17 +99,21 @@ Files EurocFiles() {
         "resolution: [{}, {}]\ncamera_model: pinhole\nintrinsics: [{}, {}, {}, {}]\n"
         "distortion_model: radial-tangential\ndistortion_coefficients: [0.0, 0.0, 0.0, 0.0]\n",
         sequence.options().fps, c.width, c.height, c.fx, c.fy, c.cx, c.cy);
-    return std::vector<std::pair<std::string, std::string>>{
-        {"mav0/state_groundtruth_estimate0/data.csv", truth}, {"mav0/cam0/sensor.yaml", yaml}, {"mav0/cam0/data.csv", pictures}};
+    return std::vector<std::pair<std::string, std::string>>{{"mav0/state_groundtruth_estimate0/data.csv", truth},
+                                                            {"mav0/cam0/sensor.yaml", yaml},
+                                                            {"mav0/cam0/data.csv", pictures}};
   };
   return {"mav0/cam0/data", name, texts};
 }
 
 Files FilesOf(SequenceLayout layout) {
   switch (layout) {
-    case SequenceLayout::kTum: return TumFiles();
-    case SequenceLayout::kKitti: return KittiFiles();
-    case SequenceLayout::kEuroc: return EurocFiles();
+    case SequenceLayout::kTum:
+      return TumFiles();
+    case SequenceLayout::kKitti:
+      return KittiFiles();
+    case SequenceLayout::kEuroc:
+      return EurocFiles();
   }
   PORTOLAN_CHECK(false) << " layout " << static_cast<int>(layout);
   return {};
@@ -129,7 +138,9 @@ Status WriteText(const fs::path& path, const std::string& content) {
 Status WritePicture(const fs::path& path, const cv::Mat& picture, PictureFormat format) {
   std::vector<uint8_t> bytes;
   const bool jpeg = format == PictureFormat::kJpeg;
-  const bool encoded = cv::imencode(jpeg ? ".jpg" : ".png", picture, bytes, jpeg ? std::vector<int>{cv::IMWRITE_JPEG_QUALITY, kJpegQuality} : std::vector<int>{});
+  const bool encoded =
+      cv::imencode(jpeg ? ".jpg" : ".png", picture, bytes,
+                   jpeg ? std::vector<int>{cv::IMWRITE_JPEG_QUALITY, kJpegQuality} : std::vector<int>{});
   PORTOLAN_CHECK(encoded) << " a picture that can't be encoded: " << path.string();
   std::ofstream out(path, std::ios::binary);
   out.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
@@ -142,7 +153,9 @@ Status CheckEmpty(const fs::path& folder) {
   std::error_code error;
   if (!fs::exists(folder, error)) return Ok{};
   if (!fs::is_directory(folder, error)) return Error{folder.string() + ": is a file, expected a folder"};
-  if (!fs::is_empty(folder, error)) return Error{folder.string() + ": is not empty; expected a new or empty folder, or to be told to overwrite (--force)"};
+  if (!fs::is_empty(folder, error))
+    return Error{folder.string() +
+                 ": is not empty; expected a new or empty folder, or to be told to overwrite (--force)"};
   return Ok{};
 }
 
@@ -157,9 +170,11 @@ Status WriteSequence(const SyntheticSequence& sequence, const SequenceWriterOpti
   if (const Status made = MakeFolder(folder / files.picture_folder); !made.ok()) return made;
   SequenceRenderer renderer(sequence);
   for (size_t i = 0; i < sequence.frames().size(); ++i) {
-    const fs::path path = folder / files.picture_folder / (files.picture_name(i, sequence.frames()[i].stamp) + extension);
+    const fs::path path =
+        folder / files.picture_folder / (files.picture_name(i, sequence.frames()[i].stamp) + extension);
     if (const Status written = WritePicture(path, renderer.Render(i), options.format); !written.ok()) return written;
-    if (progress && !progress(i + 1, sequence.frames().size())) return Error{folder.string() + ": stopped after " + path.filename().string()};
+    if (progress && !progress(i + 1, sequence.frames().size()))
+      return Error{folder.string() + ": stopped after " + path.filename().string()};
   }
   for (const auto& [path, content] : files.texts(sequence, extension)) {
     if (const Status written = WriteText(folder / path, content); !written.ok()) return written;

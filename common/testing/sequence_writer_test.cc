@@ -48,9 +48,12 @@ class SequenceWriterTest : public testing::TestWithParam<SequenceLayout> {
 
 std::string TruthFile(SequenceLayout layout) {
   switch (layout) {
-    case SequenceLayout::kTum: return "groundtruth.txt";
-    case SequenceLayout::kKitti: return "poses.txt";
-    case SequenceLayout::kEuroc: return "mav0/state_groundtruth_estimate0/data.csv";
+    case SequenceLayout::kTum:
+      return "groundtruth.txt";
+    case SequenceLayout::kKitti:
+      return "poses.txt";
+    case SequenceLayout::kEuroc:
+      return "mav0/state_groundtruth_estimate0/data.csv";
   }
   return "";
 }
@@ -86,7 +89,8 @@ TEST_P(SequenceWriterTest, GroundTruthIsReadBackExactly) {
   const Rigid3d file_from_world = kitti ? sequence.frames()[0].world_from_camera.Inverse() : Rigid3d();
   for (size_t i = 0; i < truth->size(); ++i) {
     EXPECT_EQ((*truth)[i].stamp, sequence.frames()[i].stamp);
-    EXPECT_THAT((*truth)[i].world_from_camera, RigidNear(file_from_world * sequence.frames()[i].world_from_camera, PoseTolerance{1e-7, 1e-8}));
+    EXPECT_THAT((*truth)[i].world_from_camera,
+                RigidNear(file_from_world * sequence.frames()[i].world_from_camera, PoseTolerance{1e-7, 1e-8}));
   }
 }
 

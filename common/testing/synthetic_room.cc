@@ -24,14 +24,16 @@ void AddShell(const RoomOptions& options, Random* random, WorldBuilder* builder)
 }
 
 /// A table: a plate on four legs, with things on it.
-void AddTable(const Eigen::Vector2d& centre, double yaw, const std::vector<int>& things, Random* random, WorldBuilder* builder) {
+void AddTable(const Eigen::Vector2d& centre, double yaw, const std::vector<int>& things, Random* random,
+              WorldBuilder* builder) {
   constexpr double kLength = 1.6, kWidth = 0.8, kHeight = 0.74;
   const Eigen::Rotation2Dd turn(yaw);
   const Cover wood{builder->AddTexture(PaintPlanks(256, 6, random)), 1.6};
   builder->AddBox(centre, {kLength, kWidth, 0.04}, yaw, kHeight - 0.04, wood, wood);
   for (const double x : {-0.45, 0.45}) {
     for (const double y : {-0.42, 0.42}) {
-      builder->AddBox(centre + turn * Eigen::Vector2d(x * kLength, y * kWidth), {0.06, 0.06, kHeight - 0.04}, yaw, 0, wood, wood);
+      builder->AddBox(centre + turn * Eigen::Vector2d(x * kLength, y * kWidth), {0.06, 0.06, kHeight - 0.04}, yaw, 0,
+                      wood, wood);
     }
   }
   for (int k = 0; k < 6; ++k) {

@@ -20,9 +20,15 @@ std::vector<Eigen::Vector3d> MakeLandmarks(const SyntheticSceneOptions& options,
   for (int i = 0; i < options.num_landmarks; ++i) {
     const double x = random->Uniform(-0.8, 0.8), y = random->Uniform(-0.5, 0.5), z = random->Uniform(-0.5, 0.5);
     switch (options.landmarks) {
-      case LandmarkLayout::kGeneral: landmarks.push_back(middle + depth * Eigen::Vector3d(x, y, z)); break;
-      case LandmarkLayout::kPlanar: landmarks.push_back(middle + depth * Eigen::Vector3d(x, y, 0.3 * x + 0.1 * y)); break;
-      case LandmarkLayout::kFar: landmarks.push_back(kFarFactor * (middle + depth * Eigen::Vector3d(x, y, z))); break;
+      case LandmarkLayout::kGeneral:
+        landmarks.push_back(middle + depth * Eigen::Vector3d(x, y, z));
+        break;
+      case LandmarkLayout::kPlanar:
+        landmarks.push_back(middle + depth * Eigen::Vector3d(x, y, 0.3 * x + 0.1 * y));
+        break;
+      case LandmarkLayout::kFar:
+        landmarks.push_back(kFarFactor * (middle + depth * Eigen::Vector3d(x, y, z)));
+        break;
     }
   }
   return landmarks;
@@ -33,8 +39,10 @@ Rigid3d MakePose(const SyntheticSceneOptions& options, double share) {
   const Eigen::Vector3d middle(0, 0, options.depth);
   const double way = share * options.travel, angle = way / options.depth;
   switch (options.motion) {
-    case CameraMotion::kSideways: return LookAt({way, 0.05 * way, 0}, middle);
-    case CameraMotion::kForward: return LookAt({0.02 * way, 0, way}, middle + Eigen::Vector3d(0.02 * way, 0, options.depth));
+    case CameraMotion::kSideways:
+      return LookAt({way, 0.05 * way, 0}, middle);
+    case CameraMotion::kForward:
+      return LookAt({0.02 * way, 0, way}, middle + Eigen::Vector3d(0.02 * way, 0, options.depth));
     case CameraMotion::kOrbit:
       return LookAt(middle + options.depth * Eigen::Vector3d(std::sin(angle), 0, -std::cos(angle)), middle);
     case CameraMotion::kPureRotation:
@@ -98,16 +106,18 @@ class ViewMaker {
     const double level = std::log(appearance.max_distance / point.norm()) / std::log(data_.pyramid.factor);
     const int octave = static_cast<int>(std::lround(std::clamp(level, 0.0, data_.pyramid.levels - 1.0)));
     const double sigma = options.pixel_sigma_px * data_.pyramid.Scale(octave);
-    Eigen::Vector2d pixel = options.camera.Project(point) + sigma * Eigen::Vector2d(random_->Gaussian(), random_->Gaussian());
+    Eigen::Vector2d pixel =
+        options.camera.Project(point) + sigma * Eigen::Vector2d(random_->Gaussian(), random_->Gaussian());
     const bool outlier = random_->Uniform() < options.outlier_ratio;
     if (!options.camera.Contains(pixel)) return;
     if (outlier) pixel = RandomPixel();
     const Descriptor& descriptor = scene_.descriptors[static_cast<size_t>(landmark)];
-    Append(pixel, static_cast<uint8_t>(octave), appearance.angle_rad, FlipBits(descriptor, options.descriptor_flip_ratio, random_),
-           landmark, outlier);
+    Append(pixel, static_cast<uint8_t>(octave), appearance.angle_rad,
+           FlipBits(descriptor, options.descriptor_flip_ratio, random_), landmark, outlier);
   }
 
-  void Append(const Eigen::Vector2d& pixel, uint8_t octave, float angle, const Descriptor& descriptor, int landmark, bool outlier) {
+  void Append(const Eigen::Vector2d& pixel, uint8_t octave, float angle, const Descriptor& descriptor, int landmark,
+              bool outlier) {
     data_.features.pixels_px.push_back(pixel.cast<float>());
     data_.features.octaves.push_back(octave);
     data_.features.angles_rad.push_back(angle);
@@ -158,8 +168,9 @@ SyntheticScene MakeSyntheticScene(const SyntheticSceneOptions& options) {
   for (const Eigen::Vector3d& landmark : scene.landmarks_in_world) {
     scene.descriptors.push_back(RandomDescriptor(&random));
     // Found at level 0 to 5 from the first camera, so that coming closer or going back a little loses none.
-    appearances.push_back({landmark.norm() * ScalePyramid().Scale(1) * std::pow(ScalePyramid().factor, random.Uniform(0, 4)),
-                           static_cast<float>(random.Uniform(0, 2 * M_PI))});
+    appearances.push_back(
+        {landmark.norm() * ScalePyramid().Scale(1) * std::pow(ScalePyramid().factor, random.Uniform(0, 4)),
+         static_cast<float>(random.Uniform(0, 2 * M_PI))});
   }
   for (int i = 0; i < options.num_views; ++i) {
     const double share = options.num_views > 1 ? static_cast<double>(i) / (options.num_views - 1) : 0.0;

@@ -11,7 +11,8 @@ namespace {
 
 TEST(SyntheticScene, FeaturesAreTheProjectionsOfTheirLandmarks) {
   for (const LandmarkLayout layout : {LandmarkLayout::kGeneral, LandmarkLayout::kPlanar, LandmarkLayout::kFar}) {
-    for (const CameraMotion motion : {CameraMotion::kSideways, CameraMotion::kForward, CameraMotion::kOrbit, CameraMotion::kPureRotation}) {
+    for (const CameraMotion motion :
+         {CameraMotion::kSideways, CameraMotion::kForward, CameraMotion::kOrbit, CameraMotion::kPureRotation}) {
       SyntheticSceneOptions options;
       options.landmarks = layout;
       options.motion = motion;
@@ -21,7 +22,8 @@ TEST(SyntheticScene, FeaturesAreTheProjectionsOfTheirLandmarks) {
         EXPECT_GT(view.data->features.size(), 100u) << static_cast<int>(layout) << " " << static_cast<int>(motion);
         for (size_t i = 0; i < view.data->features.size(); ++i) {
           const size_t landmark = static_cast<size_t>(view.landmark_of_feature[i]);
-          const Eigen::Vector2d pixel = options.camera.Project(view.camera_from_world * scene.landmarks_in_world[landmark]);
+          const Eigen::Vector2d pixel =
+              options.camera.Project(view.camera_from_world * scene.landmarks_in_world[landmark]);
           ASSERT_LT((view.data->features.pixels_px[i].cast<double>() - pixel).norm(), 1e-4);
           ASSERT_EQ(view.data->features.descriptors[i], scene.descriptors[landmark]);
         }
@@ -70,7 +72,8 @@ TEST(SyntheticScene, NoiseOutliersClutterAndFlipsComeAsOrdered) {
     }
     ++inliers;
     const Eigen::Vector2d pixel = options.camera.Project(view.camera_from_world * scene.landmarks_in_world[landmark]);
-    squares += ((features.pixels_px[i].cast<double>() - pixel) / ScalePyramid().Scale(features.octaves[i])).squaredNorm() / 2;
+    squares +=
+        ((features.pixels_px[i].cast<double>() - pixel) / ScalePyramid().Scale(features.octaves[i])).squaredNorm() / 2;
   }
   const double seen = inliers + outliers;
   EXPECT_EQ(clutter, 200);

@@ -10,8 +10,8 @@ namespace {
 
 /// A part of the camera's path in the order in which it is filmed.
 struct Segment {
-  double from_s, to_s;   // on the path
-  double black_s = 0;    // if positive: the lens is covered for so long, the camera waits at from_s
+  double from_s, to_s;  // on the path
+  double black_s = 0;   // if positive: the lens is covered for so long, the camera waits at from_s
 };
 
 struct Scene {
@@ -32,7 +32,8 @@ TownOptions TownFor(const SequenceOptions& options) {
 Scene MakeTownScene(const SequenceOptions& options) {
   const TownOptions town = TownFor(options);
   const double x = (town.block_x + town.street_width) / 2, y = (town.block_y + town.street_width) / 2;
-  const std::vector<Eigen::Vector2d> corners = {{-0.3 * x, -y}, {x, -y}, {x, y}, {-x, y}, {-x, -y}, {x, -y}, {x, 0.3 * y}};
+  const std::vector<Eigen::Vector2d> corners = {{-0.3 * x, -y}, {x, -y}, {x, y},      {-x, y},
+                                                {-x, -y},       {x, -y}, {x, 0.3 * y}};
   return {MakeTown(town), MakeRoadPath(corners, RoadOptions()), {}};
 }
 
@@ -43,7 +44,7 @@ Scene MakeStreetScene(const SequenceOptions& options) {
   return {MakeTown(town), MakeRoadPath({{-end, lane}, {end, lane}}, RoadOptions()), {}};
 }
 
-constexpr double kRoomLap = 40;  // s for a turn of the camera in the room
+constexpr double kRoomLap = 36;  // s for a turn of the camera in the room
 
 /// Hand-held: around the middle of the room, looking outwards and about.
 CameraPath MakeRoomPath(double laps) {
@@ -52,8 +53,10 @@ CameraPath MakeRoomPath(double laps) {
   for (int i = 0; i * kInterval <= laps * kRoomLap; ++i) {
     const double t = i * kInterval, angle = 2 * M_PI * t / kRoomLap;
     CameraStance stance;
-    stance.position_in_world = {1.1 * std::cos(angle) + 0.12 * std::sin(1.1 * t), 0.7 * std::sin(angle) + 0.12 * std::cos(0.9 * t),
-                                1.4 + 0.12 * std::sin(0.7 * t)};
+    // The wobble is slower than the way around, so that the camera never stops: it turns, and turning alone shows no
+    // depth.
+    stance.position_in_world = {1.5 * std::cos(angle) + 0.1 * std::cos(1.1 * t),
+                                1.0 * std::sin(angle) + 0.1 * std::sin(0.9 * t), 1.4 + 0.12 * std::sin(0.7 * t)};
     stance.yaw = angle + 0.12 * std::sin(0.5 * t);
     stance.pitch = -0.15 + 0.08 * std::sin(0.6 * t);
     stance.roll = 0.03 * std::sin(0.8 * t);
@@ -69,9 +72,12 @@ SyntheticWorld MakeRoomFor(const SequenceOptions& options) {
   return MakeRoom(room);
 }
 
-Scene MakeRoomScene(const SequenceOptions& options) { return {MakeRoomFor(options), MakeRoomPath(1.25), {}}; }
+Scene MakeRoomScene(const SequenceOptions& options) {
+  return {MakeRoomFor(options), MakeRoomPath(1.25), {}};
+}
 
-/// The room's way, cut: the first third, darkness, on from where nothing of it is seen, and around to the first third again.
+/// The room's way, cut: the first third, darkness, on from where nothing of it is seen, and around to the first third
+/// again.
 Scene MakeBlackoutScene(const SequenceOptions& options) {
   const double seen = 0.35 * kRoomLap, elsewhere = 0.6 * kRoomLap, end = 1.35 * kRoomLap;
   constexpr double kDarkness = 0.8;

@@ -21,11 +21,11 @@ struct SequenceOptions {
   std::string scene = "town";  ///< one of SceneNames()
   int width = 640, height = 480;
   double fps = 20;
-  int num_frames = 0;          ///< 0: as long as the scene's way takes
-  double speed = 1.0;          ///< factor on the camera's speed
-  uint64_t seed = 1;           ///< of the place and of the noise
-  int texture_px = 1024;       ///< side of the larger pictures, a power of two; less paints faster and is blurrier close by
-  bool repeat_facades = false; ///< town, street: places that look alike
+  int num_frames = 0;     ///< 0: as long as the scene's way takes
+  double speed = 1.0;     ///< factor on the camera's speed
+  uint64_t seed = 1;      ///< of the place and of the noise
+  int texture_px = 1024;  ///< side of the larger pictures, a power of two; less paints faster and is blurrier close by
+  bool repeat_facades = false;  ///< town, street: places that look alike
   SensorOptions sensor;
 
   Status Check() const;  ///< names the option, its value and what was expected
@@ -52,7 +52,8 @@ PinholeCamera MakeSyntheticCamera(int width, int height);
 ///
 ///   Result<SyntheticSequence> sequence = SyntheticSequence::Make({"town"});
 ///   SequenceRenderer renderer(*sequence);
-///   for (size_t i = 0; i < sequence->frames().size(); ++i) Use(renderer.Render(i), sequence->frames()[i].world_from_camera);
+///   for (size_t i = 0; i < sequence->frames().size(); ++i) Use(renderer.Render(i),
+///   sequence->frames()[i].world_from_camera);
 class SyntheticSequence {
  public:
   /// Fails as SequenceOptions::Check.
@@ -75,7 +76,8 @@ class SyntheticSequence {
   std::vector<SyntheticFrame> frames_;
 };
 
-/// Renders the frames of a sequence in any order: a frame's picture depends on its number and the options alone. One object per thread.
+/// Renders the frames of a sequence in any order: a frame's picture depends on its number and the options alone. One
+/// object per thread.
 class SequenceRenderer {
  public:
   /// @param sequence must outlive the renderer.

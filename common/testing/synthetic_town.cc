@@ -8,7 +8,7 @@
 namespace portolan {
 namespace {
 
-constexpr int kBlocks = 3;             // in each direction: a lap goes around the middle one
+constexpr int kBlocks = 3;              // in each direction: a lap goes around the middle one
 constexpr double kPavementWidth = 2.2;  // m
 constexpr double kKerb = 0.12;          // m
 constexpr double kHouseDepth = 8.0;     // m
@@ -40,9 +40,11 @@ class TownMaker {
 
   void PaintPools() {
     const int half = std::max(64, options_.texture_px / 2);
-    for (int i = 0; i < 4; ++i) cobbles_.push_back(builder_.AddTexture(PaintCobbles(options_.texture_px, 44 + 8 * i, &random_)));
+    for (int i = 0; i < 4; ++i)
+      cobbles_.push_back(builder_.AddTexture(PaintCobbles(options_.texture_px, 44 + 8 * i, &random_)));
     for (int i = 0; i < 3; ++i) pavements_.push_back(builder_.AddTexture(PaintPavement(half, 8, &random_)));
-    for (int i = 0; i < 6; ++i) sides_.push_back(builder_.AddTexture(PaintBricks(half, 40, Uniform(90, 180), &random_)));
+    for (int i = 0; i < 6; ++i)
+      sides_.push_back(builder_.AddTexture(PaintBricks(half, 40, Uniform(90, 180), &random_)));
     for (int i = 0; i < 12; ++i) things_.push_back(builder_.AddTexture(PaintPoster({half, half}, &random_)));
     if (!options_.repeat_facades) return;
     for (int i = 0; i < kRepeatedFacades; ++i) {
@@ -84,9 +86,10 @@ class TownMaker {
     const Eigen::Vector2d centre((i - middle) * pitch_x(), (j - middle) * pitch_y());
     const Eigen::Vector2d half(options_.block_x / 2, options_.block_y / 2);
     const Cover paving{Pick(pavements_), 6.0};
-    builder_.AddBox(centre, {2 * (half.x() + kPavementWidth), 2 * (half.y() + kPavementWidth), kKerb}, 0, 0, paving, paving);
-    // The four fronts, each from its left end as seen from its street. The town's outer fronts are never seen and left out. Houses of the
-    // fronts along x turn the corners: their outer side walls are fronts on the streets along y.
+    builder_.AddBox(centre, {2 * (half.x() + kPavementWidth), 2 * (half.y() + kPavementWidth), kKerb}, 0, 0, paving,
+                    paving);
+    // The four fronts, each from its left end as seen from its street. The town's outer fronts are never seen and left
+    // out. Houses of the fronts along x turn the corners: their outer side walls are fronts on the streets along y.
     const Eigen::Vector2d a = centre - half, c = centre + half, b(c.x(), a.y()), d(a.x(), c.y());
     const Eigen::Vector2d deep(0, kHouseDepth);
     const bool west = i > 0, east = i + 1 < kBlocks;
@@ -96,7 +99,8 @@ class TownMaker {
     if (west) AddFront(d - deep, a + deep, false, false);
   }
 
-  /// Houses side by side from `left` to `right`, fronts to the street. @param left_front whether the left side of the first one is a front too.
+  /// Houses side by side from `left` to `right`, fronts to the street. @param left_front whether the left side of the
+  /// first one is a front too.
   void AddFront(const Eigen::Vector2d& left, const Eigen::Vector2d& right, bool left_front, bool right_front) {
     const Eigen::Vector2d unit = (right - left).normalized();
     const double length = (right - left).norm();
@@ -111,7 +115,8 @@ class TownMaker {
     }
   }
 
-  void AddHouse(const Eigen::Vector2d& left, const Eigen::Vector2d& unit, double width, bool left_front, bool right_front) {
+  void AddHouse(const Eigen::Vector2d& left, const Eigen::Vector2d& unit, double width, bool left_front,
+                bool right_front) {
     const Eigen::Vector2d inwards(-unit.y(), unit.x());
     const double height = options_.repeat_facades ? 11.0 : Uniform(7.5, 14.0);
     const double setback = options_.repeat_facades || left_front || right_front ? 0.0 : Uniform(0.0, 0.7);
@@ -123,20 +128,23 @@ class TownMaker {
     if (!options_.repeat_facades) Furnish(front, unit, width, height);
   }
 
-  /// What stands and hangs before a front: balconies, awnings, crates, parked cars, lamps. Gives depth besides the planes of the walls.
+  /// What stands and hangs before a front: balconies, awnings, crates, parked cars, lamps. Gives depth besides the
+  /// planes of the walls.
   void Furnish(const Eigen::Vector2d& front, const Eigen::Vector2d& unit, double width, double height) {
     const Eigen::Vector2d outwards(unit.y(), -unit.x());
     const double yaw = std::atan2(unit.y(), unit.x());
-    const auto box = [&](double along, double out, const Eigen::Vector3d& size, double z_low, double turn, double metres) {
+    const auto box = [&](double along, double out, const Eigen::Vector3d& size, double z_low, double turn,
+                         double metres) {
       const Cover cover{Pick(things_), metres, {Uniform(0, 1), Uniform(0, 1)}};
       builder_.AddBox(front + along * unit + out * outwards, size, yaw + turn, z_low, cover, cover);
     };
     for (int k = static_cast<int>(random_.Below(3)); k > 0; --k) {
-      box(Uniform(1.5, width - 1.5), 0.35, {Uniform(1.2, 2.4), 0.7, Uniform(0.5, 1.0)}, Uniform(2.8, height - 1.5), 0, 1.5);
+      box(Uniform(1.5, width - 1.5), 0.35, {Uniform(1.2, 2.4), 0.7, Uniform(0.5, 1.0)}, Uniform(2.8, height - 1.5), 0,
+          1.5);
     }
     for (int k = static_cast<int>(random_.Below(3)); k > 0; --k) {
-      box(Uniform(1.0, width - 1.0), Uniform(0.8, 1.4), {Uniform(0.4, 1.0), Uniform(0.4, 0.9), Uniform(0.5, 1.5)}, kKerb,
-          Uniform(-0.6, 0.6), 1.2);
+      box(Uniform(1.0, width - 1.0), Uniform(0.8, 1.4), {Uniform(0.4, 1.0), Uniform(0.4, 0.9), Uniform(0.5, 1.5)},
+          kKerb, Uniform(-0.6, 0.6), 1.2);
     }
     if (random_.Below(3) == 0) box(Uniform(2.5, width - 2.5), 3.2, {4.0, 1.6, 0.9}, 0.25, Uniform(-0.05, 0.05), 4.0);
     if (random_.Below(2) == 0) box(Uniform(0.5, width - 0.5), 1.9, {0.16, 0.16, 4.5}, kKerb, 0, 2.0);
@@ -151,6 +159,8 @@ class TownMaker {
 
 }  // namespace
 
-SyntheticWorld MakeTown(const TownOptions& options) { return TownMaker(options).Make(); }
+SyntheticWorld MakeTown(const TownOptions& options) {
+  return TownMaker(options).Make();
+}
 
 }  // namespace portolan

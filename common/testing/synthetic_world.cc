@@ -46,7 +46,8 @@ int WorldBuilder::AddTexture(const cv::Mat& picture) {
 
 void WorldBuilder::AddQuad(const Eigen::Vector3d& corner, const Eigen::Vector3d& edge_u, const Eigen::Vector3d& edge_v,
                            const Cover& cover) {
-  PORTOLAN_CHECK(std::abs(edge_u.dot(edge_v)) <= 1e-9 * edge_u.norm() * edge_v.norm()) << " the edges of a quad are not square";
+  PORTOLAN_CHECK(std::abs(edge_u.dot(edge_v)) <= 1e-9 * edge_u.norm() * edge_v.norm())
+      << " the edges of a quad are not square";
   TexturedQuad quad;
   quad.corner_in_world = corner;
   quad.edge_u = edge_u;
@@ -77,7 +78,8 @@ void WorldBuilder::AddLevel(const Eigen::Vector2d& low, const Eigen::Vector2d& h
 void WorldBuilder::AddBox(const Eigen::Vector2d& centre, const Eigen::Vector3d& size, double yaw, double z_low,
                           const Cover& sides, const Cover& top) {
   const Eigen::Rotation2Dd turn(yaw);
-  const Eigen::Vector2d half_x = turn * Eigen::Vector2d(size.x() / 2, 0), half_y = turn * Eigen::Vector2d(0, size.y() / 2);
+  const Eigen::Vector2d half_x = turn * Eigen::Vector2d(size.x() / 2, 0),
+                        half_y = turn * Eigen::Vector2d(0, size.y() / 2);
   // Corners counter-clockwise from above: a viewer outside has each one on the left of the next.
   const Eigen::Vector2d corners[4] = {centre - half_x - half_y, centre + half_x - half_y, centre + half_x + half_y,
                                       centre - half_x + half_y};

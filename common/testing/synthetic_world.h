@@ -8,19 +8,20 @@
 
 namespace portolan {
 
-/// A textured rectangle in space, seen from one side only: point(a, b) = corner + a * edge_u + b * edge_v with a, b in [0, 1].
-/// From its visible side edge_u points right, edge_v down and edge_u x edge_v away from the viewer.
+/// A textured rectangle in space, seen from one side only: point(a, b) = corner + a * edge_u + b * edge_v with a, b in
+/// [0, 1]. From its visible side edge_u points right, edge_v down and edge_u x edge_v away from the viewer.
 struct TexturedQuad {
   Eigen::Vector3d corner_in_world = Eigen::Vector3d::Zero();  ///< top left
   Eigen::Vector3d edge_u = Eigen::Vector3d::UnitX();          ///< world units, at right angles to edge_v
   Eigen::Vector3d edge_v = Eigen::Vector3d::UnitY();
-  int texture = 0;                                            ///< index into the world's textures
-  Eigen::Vector2d uv_corner = Eigen::Vector2d::Zero();        ///< texture coordinates at the corner ...
-  Eigen::Vector2d uv_size = Eigen::Vector2d::Ones();          ///< ... and their change along edge_u and edge_v
-  float shade = 1.0f;                                         ///< brightness: factor on the texture's grey values
+  int texture = 0;                                      ///< index into the world's textures
+  Eigen::Vector2d uv_corner = Eigen::Vector2d::Zero();  ///< texture coordinates at the corner ...
+  Eigen::Vector2d uv_size = Eigen::Vector2d::Ones();    ///< ... and their change along edge_u and edge_v
+  float shade = 1.0f;                                   ///< brightness: factor on the texture's grey values
 };
 
-/// A place made of textured quads, lengths in metres, z up. Where a ray meets no quad there is sky. Immutable once built.
+/// A place made of textured quads, lengths in metres, z up. Where a ray meets no quad there is sky. Immutable once
+/// built.
 struct SyntheticWorld {
   std::vector<Texture> textures;
   std::vector<TexturedQuad> quads;
@@ -49,11 +50,14 @@ class WorldBuilder {
   };
 
   int AddTexture(const cv::Mat& picture);
-  void AddQuad(const Eigen::Vector3d& corner, const Eigen::Vector3d& edge_u, const Eigen::Vector3d& edge_v, const Cover& cover);
+  void AddQuad(const Eigen::Vector3d& corner, const Eigen::Vector3d& edge_u, const Eigen::Vector3d& edge_v,
+               const Cover& cover);
   /// An upright wall whose left foot, as seen by the viewer, is `left` and right foot `right`.
-  void AddWall(const Eigen::Vector2d& left, const Eigen::Vector2d& right, double z_low, double z_high, const Cover& cover);
+  void AddWall(const Eigen::Vector2d& left, const Eigen::Vector2d& right, double z_low, double z_high,
+               const Cover& cover);
   /// A level rectangle seen from above (floor, table top) or, with `from_below`, from below (ceiling).
-  void AddLevel(const Eigen::Vector2d& low, const Eigen::Vector2d& high, double z, const Cover& cover, bool from_below = false);
+  void AddLevel(const Eigen::Vector2d& low, const Eigen::Vector2d& high, double z, const Cover& cover,
+                bool from_below = false);
   /// A box on a rectangular foot turned by `yaw` about its centre: four walls and a top.
   /// @param size  x, y extents before turning, and height.
   void AddBox(const Eigen::Vector2d& centre, const Eigen::Vector3d& size, double yaw, double z_low, const Cover& sides,

@@ -14,7 +14,8 @@ class Texture {
   explicit Texture(const cv::Mat& picture);
 
   /// Grey value, 0 to 255, filtered over a footprint (an isotropic one of 2^level texels): trilinear.
-  /// @param u, v  in widths and heights of the picture; (0, 0) is its top-left corner. @param level clamped to the levels there are.
+  /// @param u, v  in widths and heights of the picture; (0, 0) is its top-left corner. @param level clamped to the
+  /// levels there are.
   float Sample(double u, double v, float level) const;
 
   int width() const { return levels_[0].width; }

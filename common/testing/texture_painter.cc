@@ -31,13 +31,15 @@ void AddCracks(cv::Mat* picture, int count, double ink, Random* random) {
   }
 }
 
-/// A sheet somewhere within each of columns x rows fields, with a probability; `low` and `high` bound its sides as shares of the field's.
+/// A sheet somewhere within each of columns x rows fields, with a probability; `low` and `high` bound its sides as
+/// shares of the field's.
 void PinUp(cv::Mat* wall, int columns, int rows, double probability, double low, double high, Random* random) {
   const int width = wall->cols / columns, height = wall->rows / rows;
   for (int row = 0; row < rows; ++row) {
     for (int column = 0; column < columns; ++column) {
       if (random->Uniform() > probability) continue;
-      const cv::Size sheet(static_cast<int>(width * random->Uniform(low, high)), static_cast<int>(height * random->Uniform(low, high)));
+      const cv::Size sheet(static_cast<int>(width * random->Uniform(low, high)),
+                           static_cast<int>(height * random->Uniform(low, high)));
       const cv::Point corner(column * width + Between(0, width - sheet.width - 1, random),
                              row * height + Between(0, height - sheet.height - 1, random));
       PaintPoster(sheet, random).copyTo((*wall)(cv::Rect(corner, sheet)));
@@ -88,7 +90,8 @@ cv::Mat PaintCobbles(int side, int rows, Random* random) {
                                (row + random->Uniform(0.38, 0.62)) * cell);
       const cv::Size2d half(cell * random->Uniform(0.3, 0.48), cell * random->Uniform(0.28, 0.46));
       const double tone = random->Uniform(100, 165), angle = random->Uniform(-25, 25);
-      for (const double wrap_x : {0.0, -static_cast<double>(side)}) {  // a stone over the right side goes on at the left
+      for (const double wrap_x :
+           {0.0, -static_cast<double>(side)}) {  // a stone over the right side goes on at the left
         const cv::RotatedRect stone(centre + cv::Point2d(wrap_x, 0), half * 2.0, static_cast<float>(angle));
         if (random->Below(3) == 0) {
           cv::Point2f corners[4];
@@ -105,7 +108,8 @@ cv::Mat PaintCobbles(int side, int rows, Random* random) {
     const cv::Size extent(Between(side / 24, side / 7, random), Between(side / 24, side / 7, random));
     const cv::Point corner(Between(0, side - extent.width, random), Between(0, side - extent.height, random));
     if (k % 2) {
-      PaintPoster(extent, random).copyTo(picture(cv::Rect(corner, extent)), PaintNoise(extent, 128, 250, extent.width / 3, random) > 110);
+      PaintPoster(extent, random)
+          .copyTo(picture(cv::Rect(corner, extent)), PaintNoise(extent, 128, 250, extent.width / 3, random) > 110);
     } else {
       const cv::RotatedRect patch(corner, extent, static_cast<float>(random->Uniform(0, 180)));
       cv::ellipse(picture, patch, random->Uniform(50, 190), cv::FILLED, cv::LINE_AA);
@@ -122,13 +126,14 @@ cv::Mat PaintPavement(int side, int slabs, Random* random) {
     for (int column = 0; column < slabs; ++column) {
       const cv::Rect field(column * slab, row * slab, slab - joint, slab - joint);
       cv::rectangle(picture, field, random->Uniform(130, 185), cv::FILLED);
-      if (random->Below(6) == 0) PaintLettering(&picture, field & cv::Rect(0, 0, side, side), random->Uniform(70, 110), random);
+      if (random->Below(6) == 0)
+        PaintLettering(&picture, field & cv::Rect(0, 0, side, side), random->Uniform(70, 110), random);
     }
   }
   for (int i = 0; i < 6 * slabs; ++i) {
     const cv::Point centre(Between(0, side, random), Between(0, side, random));
-    cv::ellipse(picture, centre, {Between(2, slab / 4, random), Between(2, slab / 6, random)}, random->Uniform(0, 180), 0, 360,
-                random->Uniform(60, 210), cv::FILLED, cv::LINE_AA);
+    cv::ellipse(picture, centre, {Between(2, slab / 4, random), Between(2, slab / 6, random)}, random->Uniform(0, 180),
+                0, 360, random->Uniform(60, 210), cv::FILLED, cv::LINE_AA);
   }
   AddCracks(&picture, 3 * slabs, 60, random);
   AddGrain(&picture, 0.3, random);
@@ -147,11 +152,13 @@ cv::Mat PaintPlanks(int side, int boards, Random* random) {
       cv::rectangle(picture, field, tone, cv::FILLED);
       for (int k = 0; k < 5; ++k) {
         const int y = board * height + Between(2, std::max(3, height - 3), random);
-        cv::line(picture, {x + Between(0, length / 2, random), y}, {x + Between(length / 2, length, random), y}, tone * 0.8);
+        cv::line(picture, {x + Between(0, length / 2, random), y}, {x + Between(length / 2, length, random), y},
+                 tone * 0.8);
       }
-      cv::circle(picture, {x + Between(0, length, random), board * height + height / 2}, std::max(1, height / 7), tone * 0.6,
-                 cv::FILLED, cv::LINE_AA);
-      cv::rectangle(picture, {x, board * height}, {x + length, (board + 1) * height}, tone * 0.55, std::max(1, side / 512));
+      cv::circle(picture, {x + Between(0, length, random), board * height + height / 2}, std::max(1, height / 7),
+                 tone * 0.6, cv::FILLED, cv::LINE_AA);
+      cv::rectangle(picture, {x, board * height}, {x + length, (board + 1) * height}, tone * 0.55,
+                    std::max(1, side / 512));
       x += length;
     }
   }
@@ -166,8 +173,10 @@ void PaintLettering(cv::Mat* picture, const cv::Rect& field, double ink, Random*
   for (int x = field.x + stroke; x + width < field.x + field.width; x += width + std::max(2, 2 * stroke)) {
     if (random->Below(6) == 0) continue;  // a space
     for (int k = Between(2, 4, random); k > 0; --k) {
-      const cv::Point a(x + width / 2 * Between(0, 2, random), field.y + height / 8 + height * 3 / 8 * Between(0, 2, random));
-      const cv::Point b(x + width / 2 * Between(0, 2, random), field.y + height / 8 + height * 3 / 8 * Between(0, 2, random));
+      const cv::Point a(x + width / 2 * Between(0, 2, random),
+                        field.y + height / 8 + height * 3 / 8 * Between(0, 2, random));
+      const cv::Point b(x + width / 2 * Between(0, 2, random),
+                        field.y + height / 8 + height * 3 / 8 * Between(0, 2, random));
       cv::line(*picture, a, b, ink, stroke, cv::LINE_AA);
     }
   }
@@ -181,10 +190,16 @@ cv::Mat PaintPoster(cv::Size size, Random* random) {
     const cv::Point a(Between(0, size.width, random), Between(0, size.height, random));
     const int extent = Between(size.width / 12, size.width / 3, random);
     switch (random->Below(4)) {
-      case 0: cv::rectangle(picture, cv::Rect(a.x, a.y, extent, extent / 2 + 2), ink(), cv::FILLED); break;
-      case 1: cv::circle(picture, a, extent / 2, ink(), cv::FILLED, cv::LINE_AA); break;
-      case 2: cv::line(picture, a, {Between(0, size.width, random), Between(0, size.height, random)}, ink(),
-                       std::max(2, size.width / 50), cv::LINE_AA); break;
+      case 0:
+        cv::rectangle(picture, cv::Rect(a.x, a.y, extent, extent / 2 + 2), ink(), cv::FILLED);
+        break;
+      case 1:
+        cv::circle(picture, a, extent / 2, ink(), cv::FILLED, cv::LINE_AA);
+        break;
+      case 2:
+        cv::line(picture, a, {Between(0, size.width, random), Between(0, size.height, random)}, ink(),
+                 std::max(2, size.width / 50), cv::LINE_AA);
+        break;
       default: {
         const cv::Point polygon[3] = {a, {a.x + extent, a.y + Between(-extent, extent, random)}, {a.x, a.y + extent}};
         cv::fillConvexPoly(picture, polygon, 3, ink(), cv::LINE_AA);
@@ -193,7 +208,8 @@ cv::Mat PaintPoster(cv::Size size, Random* random) {
   }
   for (int line = Between(3, 8, random); line > 0; --line) {
     const int height = Between(std::max(6, size.height / 30), std::max(7, size.height / 8), random);
-    const cv::Rect field(size.width / 12, Between(0, std::max(1, size.height - height), random), size.width * 10 / 12, height);
+    const cv::Rect field(size.width / 12, Between(0, std::max(1, size.height - height), random), size.width * 10 / 12,
+                         height);
     PaintLettering(&picture, field, ink(), random);
   }
   cv::rectangle(picture, {0, 0}, {size.width - 1, size.height - 1}, ink(), std::max(1, size.width / 60));
@@ -207,7 +223,8 @@ cv::Mat PaintBookshelf(int side, int shelves, Random* random) {
   for (int shelf = 0; shelf < shelves; ++shelf) {
     const int floor = (shelf + 1) * height - board;
     for (int x = 0; x < side;) {
-      const int width = Between(height / 12 + 2, height / 4, random), book = Between(height / 2, height - board - 2, random);
+      const int width = Between(height / 12 + 2, height / 4, random),
+                book = Between(height / 2, height - board - 2, random);
       if (random->Below(9) > 0) {
         const double tone = random->Uniform(40, 230);
         const cv::Rect back = cv::Rect(x, floor - book, width, book) & cv::Rect(0, 0, side, side);
@@ -215,7 +232,8 @@ cv::Mat PaintBookshelf(int side, int shelves, Random* random) {
         cv::rectangle(picture, back, tone * 0.5, 1);
         const cv::Rect label = cv::Rect(x + 2, floor - book + Between(2, book / 2, random), width - 3, book / 5) & back;
         if (label.area() > 0) cv::rectangle(picture, label, tone > 130 ? tone - 80 : tone + 80, cv::FILLED);
-        cv::line(picture, {x, floor - book / 8}, {x + width, floor - book / 8}, tone > 130 ? 40 : 220, std::max(1, book / 50));
+        cv::line(picture, {x, floor - book / 8}, {x + width, floor - book / 8}, tone > 130 ? 40 : 220,
+                 std::max(1, book / 50));
       }
       x += width;
     }

@@ -4,13 +4,13 @@
 
 #include "base/random.h"
 
-// Procedural pictures with corners at many scales, no two alike for different random states. All are CV_8UC1 and of the side or size asked
-// for; deterministic for the state of `random`.
+// Procedural pictures with corners at many scales, no two alike for different random states. All are CV_8UC1 and of the
+// side or size asked for; deterministic for the state of `random`.
 
 namespace portolan {
 
-/// Cloudy noise: octaves of smoothed random grids, halving in size. @param coarsest_px cell of the coarsest. Mean `mean`, deviations up to
-/// about `amplitude` grey levels.
+/// Cloudy noise: octaves of smoothed random grids, halving in size. @param coarsest_px cell of the coarsest. Mean
+/// `mean`, deviations up to about `amplitude` grey levels.
 cv::Mat PaintNoise(cv::Size size, double mean, double amplitude, int coarsest_px, Random* random);
 
 /// Rows of bricks in running bond with joints, each brick of its own tone.

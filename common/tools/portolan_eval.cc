@@ -86,15 +86,6 @@ Status ParseRpeDelta(const std::string& text, EvaluationOptions* options) {
   return Error{"--rpe-delta " + text + ": expected seconds as in 1.5s, or a number of frames"};
 }
 
-size_t CountWithin(const std::vector<Timestamp>& times, const EvaluationOptions& options) {
-  size_t count = 0;
-  for (const Timestamp time : times) {
-    const bool outside = (options.from && time < *options.from) || (options.to && *options.to < time);
-    count += outside ? 0 : 1;
-  }
-  return count;
-}
-
 Result<Evaluation> Evaluate(const Arguments& arguments) {
   const std::string pose_times = FindPoseTimes(arguments);
   Result<Trajectory> truth = ReadTrajectory(arguments.groundtruth, pose_times);
@@ -119,7 +110,8 @@ Result<Evaluation> Evaluate(const Arguments& arguments) {
   if (!to) return to.error();
   options.from = *from;
   options.to = *to;
-  options.num_frames = frames->number > 0 ? frames->number : CountWithin(times, options);
+  options.frames = frames->times;
+  options.num_frames = frames->number;
   return EvaluateTrajectory(*truth, *estimate, options);
 }
 

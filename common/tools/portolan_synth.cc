@@ -35,7 +35,8 @@ const std::map<std::string, SequenceLayout>& Layouts() {
 }
 
 const std::map<std::string, PictureFormat>& Formats() {
-  static const std::map<std::string, PictureFormat> formats = {{"jpg", PictureFormat::kJpeg}, {"png", PictureFormat::kPng}};
+  static const std::map<std::string, PictureFormat> formats = {{"jpg", PictureFormat::kJpeg},
+                                                               {"png", PictureFormat::kPng}};
   return formats;
 }
 
@@ -52,22 +53,29 @@ void AddOptions(CLI::App* app, Arguments* arguments) {
   for (const SceneDescription& scene : SceneNames()) scenes += "\n" + scene.name + ": " + scene.text;
   app->add_option("scene", sequence.scene, scenes)->required();
   app->add_option("--out", arguments->writer.folder, "folder of the data set")->required();
-  app->add_option("--layout", arguments->layout, "of the folder")->check(CLI::IsMember(Keys(Layouts())))->capture_default_str();
+  app->add_option("--layout", arguments->layout, "of the folder")
+      ->check(CLI::IsMember(Keys(Layouts())))
+      ->capture_default_str();
   app->add_option("--format", arguments->format, "of the pictures; jpg has quality 95")
       ->check(CLI::IsMember(Keys(Formats())))
       ->capture_default_str();
   app->add_flag("--force", arguments->writer.overwrite, "write into the folder even if it is not empty");
-  app->add_option("--frames", sequence.num_frames, "number of frames at most; 0 films the whole way")->capture_default_str();
+  app->add_option("--frames", sequence.num_frames, "number of frames at most; 0 films the whole way")
+      ->capture_default_str();
   app->add_option("--fps", sequence.fps, "frames a second")->capture_default_str();
   app->add_option("--size", arguments->size, "width x height in pixels")->capture_default_str();
   app->add_option("--seed", sequence.seed, "of the place and the noise; same seed, same bytes")->capture_default_str();
   app->add_option("--speed", sequence.speed, "factor on the camera's speed")->capture_default_str();
-  app->add_option("--texture", sequence.texture_px, "pixels along the larger textures, a power of two")->capture_default_str();
-  app->add_flag("--repeat-facades", sequence.repeat_facades, "town, street: houses that look alike");
-  app->add_option("--noise", sequence.sensor.noise_sigma, "sigma of the sensor's noise, grey levels")->capture_default_str();
-  app->add_option("--exposure-change", sequence.sensor.exposure_change, "slow change of brightness: 0.2 goes from 0.8 to 1.2")
+  app->add_option("--texture", sequence.texture_px, "pixels along the larger textures, a power of two")
       ->capture_default_str();
-  app->add_option("--shutter", sequence.sensor.exposure_s, "seconds the shutter is open: motion blur")->capture_default_str();
+  app->add_flag("--repeat-facades", sequence.repeat_facades, "town, street: houses that look alike");
+  app->add_option("--noise", sequence.sensor.noise_sigma, "sigma of the sensor's noise, grey levels")
+      ->capture_default_str();
+  app->add_option("--exposure-change", sequence.sensor.exposure_change,
+                  "slow change of brightness: 0.2 goes from 0.8 to 1.2")
+      ->capture_default_str();
+  app->add_option("--shutter", sequence.sensor.exposure_s, "seconds the shutter is open: motion blur")
+      ->capture_default_str();
   app->add_flag("--quiet", arguments->quiet, "no progress");
 }
 
@@ -107,7 +115,8 @@ int Run(const Arguments& arguments) {
 }
 
 int Main(int argc, char** argv) {
-  CLI::App app("Renders a synthetic place along a camera's way to a data set with exact ground truth.", "portolan_synth");
+  CLI::App app("Renders a synthetic place along a camera's way to a data set with exact ground truth.",
+               "portolan_synth");
   Arguments arguments;
   AddOptions(&app, &arguments);
   try {
@@ -130,4 +139,6 @@ int Main(int argc, char** argv) {
 }  // namespace
 }  // namespace portolan
 
-int main(int argc, char** argv) { return portolan::Main(argc, argv); }
+int main(int argc, char** argv) {
+  return portolan::Main(argc, argv);
+}

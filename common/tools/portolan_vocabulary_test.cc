@@ -1,6 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/wait.h>
+#include <unistd.h>
 
 #include <cstdio>
 #include <filesystem>
@@ -38,7 +39,8 @@ class VocabularyTool : public testing::Test {
  protected:
   void SetUp() override {
     const std::string test = testing::UnitTest::GetInstance()->current_test_info()->name();
-    folder_ = std::filesystem::path(testing::TempDir()) / ("portolan_vocabulary_tool_" + test);
+    folder_ =
+        std::filesystem::path(testing::TempDir()) / ("portolan_vocabulary_tool_" + test + std::to_string(getpid()));
     std::filesystem::remove_all(folder_);
     std::filesystem::create_directories(folder_ / "images");
     for (uint64_t seed = 1; seed <= 4; ++seed) {

@@ -10,7 +10,7 @@
 #include "transport/raw_bus.h"
 #include "transport/topic_counters.h"
 #include "transport/topics.h"
-#include "transport/wire_codec.h"
+#include "messages/wire_codec.h"
 
 namespace portolan {
 
@@ -30,6 +30,8 @@ template <class T>
 RawTopic RawTopicOf(const BusOptions& options) {
   if constexpr (std::is_same_v<T, Image>) {
     return RawTopic{options.image_topic, Topic<T>::kType, Topic<T>::kKeyed, Topic<T>::Qos()};
+  } else if constexpr (std::is_same_v<T, CompressedImage>) {
+    return RawTopic{options.image_topic + Topic<T>::kSuffix, Topic<T>::kType, Topic<T>::kKeyed, Topic<T>::Qos()};
   } else {
     return RawTopic{Topic<T>::kName, Topic<T>::kType, Topic<T>::kKeyed, Topic<T>::Qos()};
   }
@@ -122,12 +124,9 @@ std::unique_ptr<Reader> MakeTypedReader(internal::BusCore* core, const RawTopic&
 class ImageReader final : public Reader {
  public:
   ImageReader(internal::BusCore* core, std::function<void(Image)> handler) : handler_(std::move(handler)) {
-    RawTopic topic = RawTopicOf<Image>(core->options);
     const auto deliver = [this](Image image) { Deliver(std::move(image)); };
-    raw_ = MakeTypedReader<Image, Topic<Image>::Wire>(core, topic, deliver, nullptr);
-    topic.name += CompressedImageTopic::kSuffix;
-    topic.type = CompressedImageTopic::kType;
-    compressed_ = MakeTypedReader<Image, CompressedImageTopic::Wire>(core, topic, deliver, nullptr);
+    raw_ = MakeTypedReader<Image, Topic<Image>::Wire>(core, RawTopicOf<Image>(core->options), deliver, nullptr);
+    compressed_ = MakeTypedReader<Image, Topic<CompressedImage>::Wire>(core, RawTopicOf<CompressedImage>(core->options), deliver, nullptr);
   }
 
   int MatchedWriters() const override { return raw_->MatchedWriters() + compressed_->MatchedWriters(); }
@@ -202,5 +201,6 @@ PORTOLAN_INSTANTIATE_TOPIC(MapperState)
 PORTOLAN_INSTANTIATE_TOPIC(ProcessStatus)
 PORTOLAN_INSTANTIATE_TOPIC(Image)
 #undef PORTOLAN_INSTANTIATE_TOPIC
+template std::unique_ptr<Writer<CompressedImage>> Bus::CreateWriter<CompressedImage>();
 
 }  // namespace portolan

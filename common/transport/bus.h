@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "base/result.h"
+#include "dataset/compressed_image.h"
 #include "dataset/image_source.h"
 #include "map/map_delta.h"
 #include "map/protocol.h"
@@ -72,7 +73,7 @@ class Bus {
   virtual ~Bus() = default;
 
   /// T: KeyFrameMessage, MapDeltaChunk, SnapshotRequest, MapCorrection, Command, Request, Reply, TrackerState, MapperState, ProcessStatus,
-  /// or Image (topic image; its readers get raw and compressed images, numbered as they come). From one thread. That DDS makes no
+  /// or Image (topic image; its readers get raw and compressed images, numbered as they come; CompressedImage is for writing alone). From one thread. That DDS makes no
   /// endpoint (out of memory or handles) is a check failure. Handlers of one reader are called one at a time.
   template <class T>
   std::unique_ptr<Writer<T>> CreateWriter();

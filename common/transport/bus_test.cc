@@ -7,7 +7,7 @@
 #include "messages/random_messages.h"
 #include "transport/bus_testing.h"
 #include "transport/topics.h"
-#include "transport/wire_codec.h"
+#include "messages/wire_codec.h"
 
 namespace portolan {
 namespace {

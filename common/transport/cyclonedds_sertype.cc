@@ -10,7 +10,7 @@
 #include <memory>
 #include <new>
 
-#include "transport/wire_codec.h"
+#include "messages/wire_codec.h"
 
 // The library calls these functions from its C code: they must not throw, and return null or false when memory runs out.
 

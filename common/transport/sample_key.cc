@@ -1,7 +1,7 @@
 #include <algorithm>
 
 #include "transport/raw_bus.h"
-#include "transport/wire_codec.h"
+#include "messages/wire_codec.h"
 
 namespace portolan {
 

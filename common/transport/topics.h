@@ -168,8 +168,9 @@ struct Topic<Image> {
   }
 };
 
-/// The second way in for images; not a message of its own.
-struct CompressedImageTopic {
+/// The second way in for images, by the image topic's name with a suffix; who reads Image gets both.
+template <>
+struct Topic<CompressedImage> : Topic<Image> {
   using Wire = sensor_msgs::msg::dds_::CompressedImage_;
   static constexpr const char* kSuffix = "/compressed";
   static constexpr const char* kType = "sensor_msgs::msg::dds_::CompressedImage_";

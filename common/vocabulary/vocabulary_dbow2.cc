@@ -61,8 +61,7 @@ std::string ReadHeader(std::string_view line, int* branching, int* depth) {
   return {};
 }
 
-/// Reorders nodes breadth first, children of a node together in the order of their lines. Words keep the order of their
-/// lines.
+/// Reorders nodes breadth first, children of a node together in the order of their lines; words keep that order, too.
 std::vector<Node> ToBreadthFirst(const std::vector<TextNode>& text) {
   std::vector<std::vector<uint32_t>> children(text.size());
   std::vector<uint32_t> word(text.size(), Node::kNoWord);

@@ -3,11 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <cstdio>
 #include <cstring>
-#include <fstream>
 
+#include "base/atomic_file.h"
 #include "base/hash.h"
 #include "vocabulary/vocabulary_storage.h"
 
@@ -16,8 +14,8 @@ namespace {
 
 using Node = Vocabulary::Node;
 
-constexpr uint32_t kMaxBranching = 256,
-                   kMaxDepth = 32;  // far beyond any useful tree: files that ask for more are damaged
+// Far beyond any useful tree: files that ask for more are damaged.
+constexpr uint32_t kMaxBranching = 256, kMaxDepth = 32;
 
 uint64_t HashTree(uint32_t branching, uint32_t depth, const Node* nodes, size_t num_nodes) {
   Hasher hasher;
@@ -27,8 +25,7 @@ uint64_t HashTree(uint32_t branching, uint32_t depth, const Node* nodes, size_t 
   return hasher.Value();
 }
 
-/// Checks that nodes form a tree in breadth-first order: the children of each node begin where those of the one before
-/// end.
+/// Checks that nodes form a tree in breadth-first order: each node's children begin where those of the one before end.
 /// @return the number of words.
 Result<uint32_t> CheckTree(const Node* nodes, size_t num_nodes, uint32_t branching, uint32_t depth) {
   if (branching < 2 || branching > kMaxBranching || depth < 1 || depth > kMaxDepth) {
@@ -41,8 +38,9 @@ Result<uint32_t> CheckTree(const Node* nodes, size_t num_nodes, uint32_t branchi
   for (size_t i = 0; i < num_nodes; ++i) {
     const Node& node = nodes[i];
     if (node.num_children == 0) {
-      if (node.word >= num_nodes || is_word_taken[node.word])
+      if (node.word >= num_nodes || is_word_taken[node.word]) {
         return Error{fmt::format("node {} has word {}", i, node.word)};
+      }
       if (!(node.weight >= 0 && node.weight < 1e6f)) return Error{fmt::format("node {} has weight {}", i, node.weight)};
       is_word_taken[node.word] = true;
       last_word = std::max(last_word, node.word);
@@ -55,8 +53,9 @@ Result<uint32_t> CheckTree(const Node* nodes, size_t num_nodes, uint32_t branchi
     }
     for (uint32_t c = 0; c < node.num_children; ++c) level[next_child++] = static_cast<uint8_t>(level[i] + 1);
   }
-  if (num_nodes < 2 || next_child != num_nodes)
+  if (num_nodes < 2 || next_child != num_nodes) {
     return Error{fmt::format("{} of {} nodes hang together", next_child, num_nodes)};
+  }
   if (last_word + 1 != num_words) return Error{fmt::format("{} words, numbered up to {}", num_words, last_word)};
   return num_words;
 }
@@ -136,17 +135,11 @@ Status SaveVocabulary(const Vocabulary& vocabulary, const std::string& path) {
   header.depth = static_cast<uint32_t>(vocabulary.depth());
   header.num_nodes = vocabulary.num_nodes();
   header.hash = vocabulary.hash();
-  const std::string unfinished = path + ".unfinished";
-  std::ofstream file(unfinished, std::ios::binary | std::ios::trunc);
-  file.write(reinterpret_cast<const char*>(&header), sizeof header);
-  file.write(reinterpret_cast<const char*>(VocabularyBuilder::Nodes(vocabulary)),
-             static_cast<std::streamsize>(vocabulary.num_nodes() * sizeof(Node)));
-  file.close();
-  if (!file || std::rename(unfinished.c_str(), path.c_str()) != 0) {
-    const std::string reason = std::strerror(errno);
-    std::remove(unfinished.c_str());
-    return Failure(path, "cannot be written: " + reason);
-  }
+  std::string content(reinterpret_cast<const char*>(&header), sizeof header);
+  content.append(reinterpret_cast<const char*>(VocabularyBuilder::Nodes(vocabulary)),
+                 vocabulary.num_nodes() * sizeof(Node));
+  const Status status = WriteFileAtomically(path, content);
+  if (!status) return Error{"vocabulary " + status.error().message};
   return Ok{};
 }
 

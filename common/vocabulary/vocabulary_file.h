@@ -72,7 +72,7 @@ class VocabularyBuilder {
                                                          const std::string& origin);
 };
 
-/// Writes the compact binary file, under another name first: a failure leaves what was there before.
+/// Writes the compact binary file, whole or not at all: a failure leaves what was there before.
 Status SaveVocabulary(const Vocabulary& vocabulary, const std::string& path);
 
 }  // namespace portolan

@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <filesystem>
@@ -22,7 +23,8 @@ class VocabularyFile : public testing::Test {
  protected:
   void SetUp() override {
     const testing::TestInfo* test = testing::UnitTest::GetInstance()->current_test_info();
-    folder_ = std::filesystem::path(testing::TempDir()) / (std::string("portolan_vocabulary_") + test->name());
+    folder_ = std::filesystem::path(testing::TempDir()) /
+              (std::string("portolan_vocabulary_") + test->name() + std::to_string(getpid()));
     std::filesystem::remove_all(folder_);
     std::filesystem::create_directories(folder_);
   }
@@ -153,14 +155,13 @@ TEST_F(VocabularyFile, RefusesNodesThatAreNoTree) {
   EXPECT_FALSE(VocabularyBuilder::FromNodes(3, 1000, good, "test").ok());
 }
 
-TEST_F(VocabularyFile, SavingSaysWhyItFailsAndLeavesTheOldFile) {
+TEST_F(VocabularyFile, SavingSaysWhyItFailsAndLeavesWhatIsThere) {
   const auto status = SaveVocabulary(*SmallVocabulary(), Path("no_such_folder/a.pvoc"));
   ASSERT_FALSE(status.ok());
   EXPECT_THAT(status.error().message, HasSubstr("no_such_folder/a.pvoc"));
-  Write("old.pvoc", "old");
-  std::filesystem::create_directory(Path("old.pvoc.unfinished"));  // in the way of the new file
-  EXPECT_FALSE(SaveVocabulary(*SmallVocabulary(), Path("old.pvoc")).ok());
-  EXPECT_EQ(Read(Path("old.pvoc")), "old");
+  std::filesystem::create_directory(Path("folder.pvoc"));
+  EXPECT_FALSE(SaveVocabulary(*SmallVocabulary(), Path("folder.pvoc")).ok());
+  EXPECT_TRUE(std::filesystem::is_directory(Path("folder.pvoc")));
 }
 
 /// A vocabulary as DBoW2 writes it, nodes in the order of a depth-first walk, as some tools have them.

@@ -28,8 +28,8 @@ void FrameHistory::OnDelta(const Map& map, const MapDelta& delta) {
   for (const MapDelta::KeyFrameState& state : delta.keyframes) {
     const auto own = own_frame_.find(state.id);
     if (own == own_frame_.end()) continue;
-    FrameRecord& record = records_[own->second];
-    if (record.frame == own->second && record.map == map.id()) Anchor(&record, state.id, Rigid3d());
+    const auto record = records_.find(own->second);
+    if (record != records_.end() && record->second.map == map.id()) Anchor(&record->second, state.id, Rigid3d());
     own_frame_.erase(own);
   }
   for (const MapDelta::RemovedKeyFrame& removed : delta.removed_keyframes) {

@@ -55,7 +55,11 @@ bool KeyFramePolicy::IsFarEnough(const Map& map, const Frame& frame) const {
 bool KeyFramePolicy::IsViewNew(const Map& map, const Frame& frame) const {
   const KeyFrame* reference = map.FindKeyFrame(frame.reference);
   if (reference == nullptr) return false;
-  const auto seen = std::count_if(reference->landmarks.begin(), reference->landmarks.end(), [](MapPointId id) { return id.IsValid(); });
+  // Landmarks that only the keyframe and one neighbour see are new: whether they can be tracked is not known yet.
+  constexpr size_t kEstablished = 3;
+  const auto seen = std::count_if(reference->landmarks.begin(), reference->landmarks.end(), [&](MapPointId id) {
+    return id.IsValid() && map.point(id).observations.size() >= kEstablished;
+  });
   return frame.num_inliers < options_.max_reference_overlap * static_cast<double>(seen);
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <opencv2/imgproc.hpp>
 
 #include "geometry/rigid3.h"
@@ -15,25 +16,8 @@ constexpr double kBlurSigma = 1.5;       // of the small image: widens the basin
 constexpr int kIterations = 20;
 constexpr double kStepTolerance = 1e-3;  // small pixels
 constexpr double kMaxRms = 30.0;         // grey levels: beyond it the images show different things
+constexpr double kSureRms = 8.0;         // grey levels: below it another start would find no better motion
 constexpr double kMinOverlap = 0.4;      // share of the template that must fall into the current image
-
-/// The image's gradient by central differences at pixel (x, y).
-Eigen::Vector2f Gradient(const cv::Mat& image, int x, int y) {
-  return {0.5f * (image.at<float>(y, x + 1) - image.at<float>(y, x - 1)),
-          0.5f * (image.at<float>(y + 1, x) - image.at<float>(y - 1, x))};
-}
-
-/// The current image warped by the motion onto the template's pixels; `inside` marks those that fall into it.
-void Warp(const cv::Mat& current, const ImageMotion& motion, cv::Mat* warped, cv::Mat* inside) {
-  const double cx = 0.5 * (current.cols - 1), cy = 0.5 * (current.rows - 1);
-  const double c = std::cos(motion.angle_rad), s = std::sin(motion.angle_rad);
-  // p -> centre + R (p - centre) + t, as the inverse map that warpAffine wants.
-  const cv::Matx23d map(c, -s, cx - c * cx + s * cy + motion.translation_px.x(),  //
-                        s, c, cy - s * cx - c * cy + motion.translation_px.y());
-  cv::warpAffine(current, *warped, map, current.size(), cv::INTER_LINEAR | cv::WARP_INVERSE_MAP, cv::BORDER_CONSTANT,
-                 std::nanf(""));
-  *inside = (*warped == *warped);
-}
 
 /// Sums of one ESM step over the pixels where template and warped image both exist.
 struct NormalEquations {
@@ -43,27 +27,93 @@ struct NormalEquations {
   int pixels = 0;
 };
 
-NormalEquations Accumulate(const cv::Mat& reference, const cv::Mat& warped, const cv::Mat& inside) {
-  NormalEquations sums;
-  const double cx = 0.5 * (reference.cols - 1), cy = 0.5 * (reference.rows - 1);
-  // Brightness of the overlap may differ (auto exposure): its mean difference is no motion.
-  const double offset = cv::mean(warped - reference, inside)[0];
-  for (int y = 1; y + 1 < reference.rows; ++y) {
-    for (int x = 1; x + 1 < reference.cols; ++x) {
-      if (!inside.at<uchar>(y, x)) continue;
-      const Eigen::Vector2f warped_gradient = Gradient(warped, x, y);
-      if (!warped_gradient.allFinite()) continue;
-      // (J(e) + J(x_c)) / 2 of paper Eq. (3): mean gradient of template and warped image, times d(pixel) / d(tx, ty, angle).
-      const Eigen::Vector2d g = 0.5 * (Gradient(reference, x, y) + warped_gradient).cast<double>();
-      const Eigen::Vector3d jacobian(g.x(), g.y(), -g.x() * (y - cy) + g.y() * (x - cx));
-      const double error = warped.at<float>(y, x) - reference.at<float>(y, x) - offset;
-      sums.hessian.selfadjointView<Eigen::Lower>().rankUpdate(jacobian);
-      sums.gradient += jacobian * error;
-      sums.squared_error += error * error;
-      ++sums.pixels;
-    }
+/// Plane motion as an affine map of pixels: p -> centre + R (p - centre) + t.
+struct PixelMap {
+  float c, s, x0, y0;
+
+  PixelMap(const cv::Mat& image, const ImageMotion& motion)
+      : c(static_cast<float>(std::cos(motion.angle_rad))), s(static_cast<float>(std::sin(motion.angle_rad))) {
+    const float cx = 0.5f * static_cast<float>(image.cols - 1), cy = 0.5f * static_cast<float>(image.rows - 1);
+    x0 = cx - c * cx + s * cy + static_cast<float>(motion.translation_px.x());
+    y0 = cy - s * cx - c * cy + static_cast<float>(motion.translation_px.y());
   }
-  sums.hessian = sums.hessian.selfadjointView<Eigen::Lower>();
+};
+
+/// Writes the current image, warped onto row y of the template by bilinear interpolation; NaN outside it.
+void WarpRow(const cv::Mat& current, const PixelMap& map, int y, float* warped) {
+  const int columns = current.cols, rows = current.rows;
+  const auto stride = static_cast<ptrdiff_t>(current.step1());
+  const auto* pixels = current.ptr<float>();
+  const float right = static_cast<float>(columns - 1), bottom = static_cast<float>(rows - 1);
+  float u = map.x0 - map.s * static_cast<float>(y), v = map.y0 + map.c * static_cast<float>(y);
+  for (int x = 0; x < columns; ++x, u += map.c, v += map.s) {
+    if (!(u >= 0 && v >= 0 && u <= right && v <= bottom)) {
+      warped[x] = std::numeric_limits<float>::quiet_NaN();
+      continue;
+    }
+    const int left = std::min(static_cast<int>(u), columns - 2), top = std::min(static_cast<int>(v), rows - 2);
+    const float a = u - static_cast<float>(left), b = v - static_cast<float>(top);
+    const float* p = pixels + top * stride + left;
+    const float above = p[0] + a * (p[1] - p[0]), below = p[stride] + a * (p[stride + 1] - p[stride]);
+    warped[x] = above + b * (below - above);
+  }
+}
+
+/// Sums over pixels of products of (gx, gy, g_angle, 1, error): all that a step needs, whatever the offset of brightness turns out to be.
+struct Moments {
+  float xx = 0, xy = 0, xa = 0, yy = 0, ya = 0, aa = 0;  // J^T J
+  float x = 0, y = 0, a = 0;                             // J^T 1
+  float xe = 0, ye = 0, ae = 0, e = 0, ee = 0;           // J^T e, sums of error
+  int pixels = 0;
+};
+
+/// Row y, 1 to rows - 2. @param warped rows y - 1, y, y + 1 of the warped image.
+Moments AccumulateRow(const cv::Mat& reference, const std::array<const float*, 3>& warped, int y) {
+  Moments sums;
+  const float cx = 0.5f * static_cast<float>(reference.cols - 1), dy = static_cast<float>(y) - 0.5f * static_cast<float>(reference.rows - 1);
+  const auto *above = reference.ptr<float>(y - 1), *row = reference.ptr<float>(y), *below = reference.ptr<float>(y + 1);
+  for (int x = 1; x + 1 < reference.cols; ++x) {
+    const float warped_gx = warped[1][x + 1] - warped[1][x - 1], warped_gy = warped[2][x] - warped[0][x];
+    const float error = warped[1][x] - row[x];
+    if (!(warped_gx + warped_gy + error == warped_gx + warped_gy + error)) continue;  // one of them is NaN: outside
+    // (J(e) + J(x_c)) / 2 of paper Eq. (3): mean gradient of template and warped image, times d(pixel) / d(tx, ty, angle).
+    const float gx = 0.25f * (row[x + 1] - row[x - 1] + warped_gx), gy = 0.25f * (below[x] - above[x] + warped_gy);
+    const float ga = gy * (static_cast<float>(x) - cx) - gx * dy;
+    sums.xx += gx * gx, sums.xy += gx * gy, sums.xa += gx * ga, sums.yy += gy * gy, sums.ya += gy * ga, sums.aa += ga * ga;
+    sums.x += gx, sums.y += gy, sums.a += ga;
+    sums.xe += gx * error, sums.ye += gy * error, sums.ae += ga * error, sums.e += error, sums.ee += error * error;
+    ++sums.pixels;
+  }
+  return sums;
+}
+
+/// Adds up the rows in double. The brightness of the overlap may differ (auto exposure): its mean difference is no motion and is taken off.
+NormalEquations Accumulate(const cv::Mat& reference, const cv::Mat& current, const ImageMotion& motion) {
+  const PixelMap map(current, motion);
+  const auto columns = static_cast<size_t>(reference.cols);
+  std::vector<float> rows(3 * columns);
+  const auto row = [&](int y) { return rows.data() + static_cast<size_t>(y % 3) * columns; };
+  WarpRow(current, map, 0, row(0));
+  WarpRow(current, map, 1, row(1));
+  NormalEquations sums;
+  Eigen::Vector3d jacobian_sum = Eigen::Vector3d::Zero();
+  double error_sum = 0;
+  for (int y = 1; y + 1 < reference.rows; ++y) {
+    WarpRow(current, map, y + 1, row(y + 1));
+    const Moments m = AccumulateRow(reference, {row(y - 1), row(y), row(y + 1)}, y);
+    Eigen::Matrix3f hessian;
+    hessian << m.xx, m.xy, m.xa, m.xy, m.yy, m.ya, m.xa, m.ya, m.aa;
+    sums.hessian += hessian.cast<double>();
+    sums.gradient += Eigen::Vector3f(m.xe, m.ye, m.ae).cast<double>();
+    jacobian_sum += Eigen::Vector3f(m.x, m.y, m.a).cast<double>();
+    error_sum += m.e;
+    sums.squared_error += m.ee;
+    sums.pixels += m.pixels;
+  }
+  if (sums.pixels == 0) return sums;
+  const double offset = error_sum / sums.pixels;
+  sums.gradient -= offset * jacobian_sum;
+  sums.squared_error = std::max(0.0, sums.squared_error - offset * error_sum);
   return sums;
 }
 
@@ -101,11 +151,9 @@ ImageMotion RotationEstimator::EstimateImageMotion(const SmallImage& reference, 
                                                    const ImageMotion& initial) const {
   ImageMotion motion = initial;
   motion.converged = false;
-  cv::Mat warped, inside;
   const double min_pixels = kMinOverlap * static_cast<double>(reference.values.total());
   for (int i = 0; i < kIterations; ++i) {
-    Warp(current.values, motion, &warped, &inside);
-    const NormalEquations sums = Accumulate(reference.values, warped, inside);
+    const NormalEquations sums = Accumulate(reference.values, current.values, motion);
     if (sums.pixels < min_pixels) return motion;
     motion.rms = std::sqrt(sums.squared_error / sums.pixels);
     const Eigen::Matrix3d damped = sums.hessian + 1e-6 * sums.hessian.trace() * Eigen::Matrix3d::Identity();
@@ -171,7 +219,8 @@ RotationEstimator::Estimate RotationEstimator::EstimateRotation(const SmallImage
                                                                const Eigen::Quaterniond& predicted) const {
   if (reference.values.size() != current.values.size()) return {};
   ImageMotion motion = EstimateImageMotion(reference, current);
-  if (predicted.angularDistance(Eigen::Quaterniond::Identity()) > 0.01) {
+  const bool is_sure = motion.converged && motion.rms < kSureRms;
+  if (!is_sure && predicted.angularDistance(Eigen::Quaterniond::Identity()) > 0.01) {
     const ImageMotion other = EstimateImageMotion(reference, current, ImageMotionFromRotation(predicted, current.scale));
     if (other.converged && (!motion.converged || other.rms < motion.rms)) motion = other;
   }

@@ -39,7 +39,8 @@ class RotationEstimator {
   /// current_from_reference rotation which makes far points move as `motion` says (paper Eq. 4-6).
   Eigen::Quaterniond RotationFromImageMotion(const ImageMotion& motion, double scale) const;
 
-  /// Both steps. The start is the better of no motion (paper) and what `predicted` rotation would do to the image.
+  /// Both steps. Starts from no motion (paper); where that does not end in a sure match also from what the `predicted` rotation would do to the
+  /// image, and takes the better of the two.
   struct Estimate {
     Eigen::Quaterniond current_from_reference = Eigen::Quaterniond::Identity();
     bool ok = false;

@@ -10,7 +10,9 @@
 #include "dataset/calibration.h"
 #include "dataset/image_source.h"
 #include "dataset/trajectory_io.h"
+#include "mapping/mapper_config.h"
 #include "pipeline/pipeline.h"
+#include "tracking/tracker_config.h"
 
 namespace portolan {
 namespace {
@@ -83,6 +85,7 @@ int main(int argc, char** argv) {
   portolan::MapperOptions mapper;
   std::string out = ".", level = "info";
   int every = 1;
+  std::vector<std::string> sets;
   app.add_option("--data", source.data, "data set folder")->required();
   app.add_option("--camera", source.camera_file);
   app.add_option("--out", out);
@@ -90,14 +93,7 @@ int main(int argc, char** argv) {
   app.add_option("--every", every, "take every n-th frame");
   app.add_option("--first", source.first_frame);
   app.add_option("--frames", source.max_frames);
-  app.add_option("--features", tracker.orb.num_features);
-  app.add_option("--overlap", tracker.keyframe.max_reference_overlap);
-  app.add_option("--distance", tracker.keyframe.distance_factor);
-  app.add_option("--interval", tracker.keyframe.min_interval_s);
-  app.add_option("--baseline", tracker.initializer.min_baseline_px);
-  app.add_option("--coarse", tracker.map_tracking.coarse_radius_px);
-  app.add_option("--subpixel", tracker.orb.subpixel);
-  app.add_option("--esm", tracker.use_esm);
+  app.add_option("--set", sets, "one value of the configuration: section.key=value (repeatable)");
   CLI11_PARSE(app, argc, argv);
   cv::setNumThreads(1);
   portolan::LogOptions log;
@@ -105,6 +101,16 @@ int main(int argc, char** argv) {
   log.level = level;
   if (auto status = portolan::SetUpLog(log); !status) {
     std::fprintf(stderr, "%s\n", status.error().message.c_str());
+    return 2;
+  }
+  portolan::ConfigReader config;
+  portolan::Status read = portolan::Ok{};
+  for (const std::string& set : sets) read = read ? config.Set(set) : read;
+  if (read) read = portolan::ReadTrackerOptions(&config, &tracker);
+  if (read) read = portolan::ReadMapperOptions(&config, &mapper);
+  if (read) read = config.Finish();
+  if (!read) {
+    spdlog::error("{}", read.error().message);
     return 2;
   }
   return portolan::Run(source, out, tracker, mapper, every);

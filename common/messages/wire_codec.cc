@@ -1,4 +1,4 @@
-#include "transport/wire_codec.h"
+#include "messages/wire_codec.h"
 
 namespace portolan {
 

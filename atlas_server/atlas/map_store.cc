@@ -1,0 +1,234 @@
+#include "atlas/map_store.h"
+
+#include <algorithm>
+#include <iterator>
+
+#include "atlas/zstd_blob.h"
+#include "map/map_io.h"
+
+namespace portolan {
+namespace {
+
+constexpr uint64_t kApplicationId = 0x50544c4e;  // "PTLN"
+constexpr uint64_t kSchema = 1;
+constexpr size_t kMaxBlobBytes = 1u << 30;       // SQLite's own limit on a blob
+
+constexpr const char* kTables =
+    "CREATE TABLE keyframe(id INTEGER PRIMARY KEY, data BLOB NOT NULL);"
+    "CREATE TABLE map(id INTEGER PRIMARY KEY, epoch INTEGER NOT NULL, revision INTEGER NOT NULL, state BLOB NOT NULL);"
+    "CREATE TABLE ownership(map INTEGER PRIMARY KEY, robot INTEGER NOT NULL, epoch INTEGER NOT NULL, owner INTEGER NOT NULL);";
+
+/// Runs a statement that has no rows.
+Status Run(SqlStatement* statement) {
+  const Result<bool> row = statement->Step();
+  if (!row) return row.error();
+  statement->Reset();
+  return Ok{};
+}
+
+std::vector<KeyFrameId> Members(const MapDelta& snapshot) {
+  std::vector<KeyFrameId> members;
+  for (const auto& state : snapshot.keyframes) members.push_back(state.id);
+  std::sort(members.begin(), members.end());
+  return members;
+}
+
+}  // namespace
+
+Result<std::unique_ptr<MapStore>> MapStore::Open(const std::string& path) {
+  Result<SqlDatabase> database = SqlDatabase::Open(path);
+  if (!database) return Error{"atlas store '" + path + "': " + database.error().message};
+  std::unique_ptr<MapStore> store(new MapStore(path, std::move(*database)));
+  if (Status prepared = store->Prepare(); !prepared) return store->At(prepared.error());
+  return store;
+}
+
+Status MapStore::Prepare() {
+  // Exclusive: the lock is held while the store is open, and the index of the log is in memory in place of a mapped file, which a full disk would turn into a
+  // bus error. Synchronous FULL: a commit is on the disk when it returns.
+  if (Status set = database_.Execute("PRAGMA locking_mode = EXCLUSIVE"); !set) return set;
+  if (Status checked = CheckOrigin(); !checked) return checked;
+  if (Status set = database_.Execute("PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL"); !set) return set;
+  // Takes the lock, and finds out whether the file can be written.
+  const Status ready = InTransaction([this] { return MakeSchema(); });
+  return ready ? ReadKeyFrameIds() : ready;
+}
+
+Status MapStore::CheckOrigin() {
+  const Result<uint64_t> tables = database_.QueryInteger("SELECT count(*) FROM sqlite_schema");
+  if (!tables) return tables.error();
+  const Result<uint64_t> application = database_.QueryInteger("PRAGMA application_id");
+  if (!application) return application.error();
+  const Result<uint64_t> schema = database_.QueryInteger("PRAGMA user_version");
+  if (!schema) return schema.error();
+  if (*tables == 0 && *application == 0) return Ok{};  // new
+  if (*application != kApplicationId) return Error{"an SQLite file of another program, left as it is"};
+  if (*schema > kSchema) {
+    return Error{"made by a newer Portolan (schema " + std::to_string(*schema) + ", this one knows " + std::to_string(kSchema) + ")"};
+  }
+  return Ok{};
+}
+
+Status MapStore::MakeSchema() {
+  const Result<uint64_t> application = database_.QueryInteger("PRAGMA application_id");
+  if (!application) return application.error();
+  if (*application == 0) {
+    if (Status made = database_.Execute(kTables); !made) return made;
+    if (Status marked = database_.Execute("PRAGMA application_id = " + std::to_string(kApplicationId)); !marked) return marked;
+  }
+  return database_.Execute("PRAGMA user_version = " + std::to_string(kSchema));
+}
+
+Status MapStore::InTransaction(const std::function<Status()>& work) {
+  if (Status begun = database_.Execute("BEGIN IMMEDIATE"); !begun) return begun;
+  Status done = work();
+  if (done) done = database_.Execute("COMMIT");
+  if (!done) static_cast<void>(database_.Execute("ROLLBACK").ok());  // fails where SQLite has rolled back by itself
+  return done;
+}
+
+Status MapStore::ReadKeyFrameIds() {
+  Result<SqlStatement> query = database_.Prepare("SELECT id FROM keyframe");
+  if (!query) return query.error();
+  for (;;) {
+    const Result<bool> row = query->Step();
+    if (!row) return row.error();
+    if (!*row) return Ok{};
+    keyframes_.insert(KeyFrameId(query->Integer(0)));
+  }
+}
+
+Status MapStore::SaveKeyFrames(const std::vector<std::shared_ptr<const KeyFrameData>>& keyframes) {
+  std::vector<KeyFrameId> saved;
+  const Status done = InTransaction([&]() -> Status {
+    Result<SqlStatement> insert = database_.Prepare("INSERT OR REPLACE INTO keyframe VALUES (?1, ?2)");
+    if (!insert) return insert.error();
+    for (const auto& data : keyframes) {
+      if (HasKeyFrame(data->id)) continue;
+      const std::string blob = Compress(EncodeKeyFrameData(*data));
+      if (Status inserted = Run(&insert->Bind(1, data->id.value).Bind(2, blob)); !inserted) return inserted;
+      saved.push_back(data->id);
+    }
+    return Ok{};
+  });
+  if (!done) return At(done.error());
+  keyframes_.insert(saved.begin(), saved.end());
+  return Ok{};
+}
+
+Status MapStore::SaveMap(const MapDelta& snapshot) {
+  for (const auto& [id, pose, parent, features] : snapshot.keyframes) PORTOLAN_CHECK(HasKeyFrame(id)) << "keyframe " << id << " of map " << snapshot.map << " is not stored";
+  const std::vector<KeyFrameId> vanished = Vanished(snapshot);
+  const Status done = InTransaction([&]() -> Status {
+    Result<SqlStatement> insert = database_.Prepare("INSERT OR REPLACE INTO map VALUES (?1, ?2, ?3, ?4)");
+    if (!insert) return insert.error();
+    const std::string blob = Compress(EncodeSnapshot(snapshot));
+    insert->Bind(1, snapshot.map.value).Bind(2, snapshot.epoch).Bind(3, snapshot.revision).Bind(4, blob);
+    if (Status inserted = Run(&*insert); !inserted) return inserted;
+    return Remove(vanished);
+  });
+  if (!done) return At(done.error());
+  for (const KeyFrameId id : vanished) keyframes_.erase(id);
+  members_[snapshot.map] = Members(snapshot);
+  return Ok{};
+}
+
+std::vector<KeyFrameId> MapStore::Vanished(const MapDelta& snapshot) const {
+  const auto before = members_.find(snapshot.map);
+  if (before == members_.end()) return {};
+  std::set<KeyFrameId> staying;  // here or, after a fusion, in another map
+  for (const auto& state : snapshot.keyframes) staying.insert(state.id);
+  for (const auto& [map, members] : members_) {
+    if (map != snapshot.map) staying.insert(members.begin(), members.end());
+  }
+  std::vector<KeyFrameId> vanished;
+  std::set_difference(before->second.begin(), before->second.end(), staying.begin(), staying.end(), std::back_inserter(vanished));
+  return vanished;
+}
+
+Status MapStore::Remove(const std::vector<KeyFrameId>& keyframes) {
+  Result<SqlStatement> remove = database_.Prepare("DELETE FROM keyframe WHERE id = ?1");
+  if (!remove) return remove.error();
+  for (const KeyFrameId id : keyframes) {
+    if (Status removed = Run(&remove->Bind(1, id.value)); !removed) return removed;
+  }
+  return Ok{};
+}
+
+Status MapStore::SaveOwnership(const Atlas::Ownership& ownership) {
+  const Status done = InTransaction([&]() -> Status {
+    Result<SqlStatement> insert = database_.Prepare("INSERT OR REPLACE INTO ownership VALUES (?1, ?2, ?3, ?4)");
+    if (!insert) return insert.error();
+    insert->Bind(1, ownership.map.value).Bind(2, uint64_t{ownership.robot}).Bind(3, ownership.epoch).Bind(4, ownership.owner.value);
+    return Run(&*insert);
+  });
+  if (!done) return At(done.error());
+  return Ok{};
+}
+
+Result<MapStore::Content> MapStore::Load() {
+  Content content;
+  if (Status loaded = LoadOwnerships(&content); !loaded) return At(loaded.error());
+  if (Status loaded = LoadMaps(&content); !loaded) return At(loaded.error());
+  return content;
+}
+
+Status MapStore::LoadOwnerships(Content* content) {
+  Result<SqlStatement> query = database_.Prepare("SELECT map, robot, epoch, owner FROM ownership ORDER BY map");
+  if (!query) return query.error();
+  for (;;) {
+    const Result<bool> row = query->Step();
+    if (!row) return row.error();
+    if (!*row) return Ok{};
+    content->ownerships.push_back({MapId(query->Integer(0)), static_cast<RobotId>(query->Integer(1)), query->Integer(2), ProcessId(query->Integer(3))});
+  }
+}
+
+Status MapStore::LoadMaps(Content* content) {
+  Result<SqlStatement> query = database_.Prepare("SELECT id, state FROM map ORDER BY id");
+  if (!query) return query.error();
+  for (;;) {
+    const Result<bool> row = query->Step();
+    if (!row) return row.error();
+    if (!*row) return Ok{};
+    const MapId id(query->Integer(0));
+    Result<StoredMap> map = Decode(query->Blob(1));
+    if (map && map->snapshot.map != id) map = Error{"the state is that of map " + ToString(map->snapshot.map)};
+    if (!map) {
+      content->problems.push_back(At({"map " + ToString(id) + " is left out: " + map.error().message}).message);
+      continue;
+    }
+    members_[id] = Members(map->snapshot);
+    content->maps.push_back(std::move(*map));
+  }
+}
+
+Result<MapStore::StoredMap> MapStore::Decode(std::string_view state) {
+  const Result<std::string> bytes = Decompress(state, kMaxBlobBytes);
+  if (!bytes) return Error{"map state: " + bytes.error().message};
+  Result<MapDelta> snapshot = DecodeSnapshot(*bytes);
+  if (!snapshot) return snapshot.error();
+  StoredMap map;
+  for (const auto& keyframe : snapshot->keyframes) {
+    Result<KeyFrameData> data = LoadKeyFrame(keyframe.id);
+    if (!data) return Error{"keyframe " + ToString(keyframe.id) + ": " + data.error().message};
+    map.keyframes.push_back(std::move(*data));
+  }
+  map.snapshot = std::move(*snapshot);
+  return map;
+}
+
+Result<KeyFrameData> MapStore::LoadKeyFrame(KeyFrameId id) {
+  Result<SqlStatement> query = database_.Prepare("SELECT data FROM keyframe WHERE id = ?1");
+  if (!query) return query.error();
+  const Result<bool> row = query->Bind(1, id.value).Step();
+  if (!row) return row.error();
+  if (!*row) return Error{"its data is not in the store"};
+  const Result<std::string> bytes = Decompress(query->Blob(0), kMaxBlobBytes);
+  if (!bytes) return bytes.error();
+  Result<KeyFrameData> data = DecodeKeyFrameData(*bytes);
+  if (data && data->id != id) return Error{"the data is that of keyframe " + ToString(data->id)};
+  return data;
+}
+
+}  // namespace portolan

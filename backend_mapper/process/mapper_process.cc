@@ -1,0 +1,282 @@
+#include "process/mapper_process.h"
+
+#include <algorithm>
+#include <set>
+#include <utility>
+
+#include "process/process_report.h"
+
+namespace portolan {
+namespace {
+
+constexpr double kStatusPeriodS = 1.0;
+constexpr double kTickPeriodS = 0.15;  // well within the liveliness lease of 500 ms
+constexpr size_t kChunkElements = 8192;  // of a delta: some 300 KB a chunk
+constexpr size_t kMaxEarly = 8;          // keyframes of a map whose grant is still on its way; the tracker sends them again
+constexpr auto kRequestInterval = std::chrono::seconds(1);
+
+}  // namespace
+
+MapperProcess::MapperProcess(const ProcessSetup& setup, const MapperOptions& options, std::shared_ptr<const Vocabulary> vocabulary, Bus* bus,
+                             const std::string& priority, ProcessLoop* loop)
+    : setup_(setup),
+      options_(options),
+      vocabulary_(std::move(vocabulary)),
+      bus_(bus),
+      priority_(priority),
+      loop_(loop),
+      status_(bus, setup, priority),
+      delta_writer_(bus->CreateWriter<MapDeltaChunk>()),
+      keyframe_writer_(bus->CreateWriter<KeyFrameMessage>()),
+      state_writer_(bus->CreateWriter<MapperState>()),
+      request_writer_(bus->CreateWriter<Request>()),
+      snapshot_writer_(bus->CreateWriter<SnapshotRequest>()),
+      request_ids_(setup.options.robot, setup.session) {
+  state_.process = setup.process;
+}
+
+MapperProcess::~MapperProcess() { readers_.clear(); }
+
+void MapperProcess::ConnectReaders() {
+  readers_.push_back(bus_->CreateReader<KeyFrameMessage>([this](KeyFrameMessage message) {
+    if (message.kind != KeyFrameKind::kCopy) ++keyframes_waiting_;
+    const auto received = Clock::now();
+    loop_->Post([this, message = std::move(message), received] {
+      if (message.kind != KeyFrameKind::kCopy) --keyframes_waiting_;
+      process_times_.Add("queue_wait", std::chrono::duration<double, std::milli>(Clock::now() - received).count());
+      OnKeyFrame(message);
+    });
+  }));
+  // The paper's signal "stop the time-consuming map optimization" (Sec. 3.3): beside the queue, or it would wait for what it is to stop.
+  readers_.push_back(bus_->CreateReader<TrackerState>([this](TrackerState state) {
+    if (state.interrupt_mapper && state.process.robot() == setup_.options.robot) stop_optimisation_ = true;
+  }));
+  const auto post = [this](auto handle) {
+    return [this, handle](auto message) {
+      loop_->Post([this, handle, message = std::move(message)] { (this->*handle)(message); });
+    };
+  };
+  readers_.push_back(bus_->CreateReader<Command>(post(&MapperProcess::OnCommand)));
+  readers_.push_back(bus_->CreateReader<SnapshotRequest>(post(&MapperProcess::OnSnapshotRequest)));
+  readers_.push_back(bus_->CreateReader<Reply>(post(&MapperProcess::OnReply)));
+  readers_.push_back(bus_->CreateReader<MapDeltaChunk>(post(&MapperProcess::OnDeltaChunk)));
+  readers_.push_back(bus_->CreateReader<MapCorrection>(post(&MapperProcess::OnCorrection)));
+}
+
+int MapperProcess::Run() {
+  ConnectReaders();
+  Register();
+  loop_->AddTimer(kStatusPeriodS, [this] { OnStatusTimer(); });
+  loop_->AddTimer(kTickPeriodS, [this] { OnTick(); });
+  OnStatusTimer();
+  loop_->Run();
+  readers_.clear();
+  nlohmann::json report = MakeReport(setup_.options, priority_, [&] {
+    StageTimes times = process_times_;
+    for (const auto& [map, mapper] : mappers_) {
+      for (const auto& [stage, samples] : mapper->stage_times().samples()) {
+        for (const double sample : samples) times.Add(stage, sample);
+      }
+    }
+    return times;
+  }(), *bus_);
+  report["keyframes_taken"] = taken_;
+  report["keyframes_refused"] = refused_;
+  report["interrupts"] = interrupts_;
+  if (Status written = WriteReport(setup_.options, report); !written) {
+    spdlog::error("{}", written.error().message);
+    return kExitFailure;
+  }
+  return exit_code_;
+}
+
+void MapperProcess::Register() {
+  Request request;
+  request.id = request_ids_.Next();
+  request.sender = setup_.process;
+  request.kind = "register_mapper";
+  registration_ = request;
+}
+
+void MapperProcess::OnReply(const Reply& reply) {
+  if (!registration_ || reply.id != registration_->id) return;
+  registration_.reset();
+  if (reply.ok) return;
+  spdlog::error("the atlas_server refused this mapper: {}", reply.reason);
+  exit_code_ = kExitRefused;
+  loop_->Stop();
+}
+
+void MapperProcess::OnCommand(const Command& command) {
+  if (command.kind == CommandKind::kGrantOwnership && command.owner == setup_.process) {
+    Own(command.map, command.epoch);
+  } else if (command.kind == CommandKind::kGrantOwnership || command.kind == CommandKind::kRevokeOwnership) {
+    // Someone else owns the map from a later epoch on.
+    const auto mine = mappers_.find(command.map);
+    if (mine == mappers_.end() || mine->second->map().epoch() >= command.epoch) return;
+    spdlog::info("map {} passes on in epoch {}", ToString(command.map), command.epoch);
+    mappers_.erase(mine);
+  }
+}
+
+void MapperProcess::Own(MapId map, Epoch epoch) {
+  const auto mine = mappers_.find(map);
+  if (mine != mappers_.end() && mine->second->map().epoch() >= epoch) return;
+  spdlog::info("granted map {} in epoch {}", ToString(map), epoch);
+  if (epoch > 1) {
+    takeover_.emplace(Takeover{MapReplica(map), epoch, {}});
+    ContinueTakeover();
+    return;
+  }
+  mappers_[map] = std::make_unique<LocalMapper>(options_, map, epoch, setup_.options.robot, setup_.session,
+                                                [this](MapDelta delta) { PublishDelta(delta); });
+  PublishState(true);
+  std::vector<KeyFrameMessage> early;
+  early.swap(early_);
+  for (const KeyFrameMessage& message : early) OnKeyFrame(message);
+}
+
+void MapperProcess::ContinueTakeover() {
+  if (!takeover_) return;
+  takeover_->replica.ApplyPending();
+  const Map& map = takeover_->replica.map();
+  if (map.revision() > 0 && !takeover_->replica.NeedsSnapshot()) {
+    spdlog::info("goes on with map {} at revision {}: {} keyframes, {} points", ToString(map.id()), map.revision(), map.keyframes().size(),
+                 map.points().size());
+    mappers_[map.id()] = std::make_unique<LocalMapper>(options_, map, takeover_->epoch, setup_.options.robot, setup_.session,
+                                                       [this](MapDelta delta) { PublishDelta(delta); });
+    takeover_.reset();
+    PublishState(true);
+    return;
+  }
+  if (Clock::now() - takeover_->last_request < kRequestInterval) return;
+  takeover_->last_request = Clock::now();
+  snapshot_writer_->Write(takeover_->replica.MakeRequest(setup_.process));
+}
+
+void MapperProcess::OnDeltaChunk(const MapDeltaChunk& chunk) {
+  if (!takeover_ || chunk.part.map != takeover_->replica.map().id()) return;
+  for (MapDelta& delta : assembler_.Add(chunk)) takeover_->replica.AddDelta(std::move(delta));
+  ContinueTakeover();
+}
+
+void MapperProcess::OnKeyFrame(const KeyFrameMessage& message) {
+  if (message.vocabulary_hash != vocabulary_->hash()) {
+    if (foreign_vocabulary_++ == 0) spdlog::error("keyframes made with another vocabulary ({:016x}, here {:016x}) are passed over", message.vocabulary_hash, vocabulary_->hash());
+    return;
+  }
+  if (message.kind == KeyFrameKind::kCopy) {
+    if (takeover_) {
+      takeover_->replica.AddKeyFrameData(MakeKeyFrameData(message.data, vocabulary_.get()));
+      ContinueTakeover();
+    }
+    return;
+  }
+  const auto mapper = mappers_.find(message.map);
+  if (mapper != mappers_.end()) {
+    Take(mapper->second.get(), message);
+    return;
+  }
+  if (early_.size() >= kMaxEarly) {
+    early_.erase(early_.begin());
+    ++early_dropped_;
+  }
+  early_.push_back(message);
+}
+
+void MapperProcess::Take(LocalMapper* mapper, const KeyFrameMessage& message) {
+  state_.map = message.map;
+  stop_optimisation_ = false;
+  PublishState(false);
+  auto data = MakeKeyFrameData(message.data, vocabulary_.get());
+  const KeyFrameId id = data->id;
+  const bool known = mapper->map().FindKeyFrame(id) != nullptr;  // sent again: the acknowledgement was lost or is on its way
+  Status taken = known ? Status(Ok{}) : TakeIntoMap(mapper, std::move(data), message);
+  if (stop_optimisation_) ++interrupts_;
+  if (taken) {
+    ++taken_;
+  } else {
+    ++refused_;
+    spdlog::debug("keyframe {} refused: {}", ToString(id), taken.error().message);
+    state_.refused_keyframe = id;
+    state_.refusal = taken.error().message;
+  }
+  state_.last_keyframe = id;
+  state_.epoch = mapper->map().epoch();
+  state_.revision = mapper->map().revision();
+  PublishState(keyframes_waiting_ == 0);
+}
+
+Status MapperProcess::TakeIntoMap(LocalMapper* mapper, std::shared_ptr<const KeyFrameData> data, const KeyFrameMessage& message) {
+  if (message.kind == KeyFrameKind::kInitialFirst) {
+    firsts_.clear();
+    firsts_[data->id] = std::move(data);
+    return Ok{};
+  }
+  if (message.kind == KeyFrameKind::kInitialSecond) {
+    const auto first = firsts_.find(message.reference);
+    if (first == firsts_.end()) return Error{"the first keyframe of the pair, " + ToString(message.reference) + ", is not here"};
+    return mapper->Initialize(first->second, std::move(data), message);
+  }
+  return mapper->Process(
+      std::move(data), message, [this] { return keyframes_waiting_ > 0 || stop_optimisation_; }, &stop_optimisation_);
+}
+
+void MapperProcess::PublishDelta(const MapDelta& delta) {
+  for (const MapDeltaChunk& chunk : SplitDelta(delta, kChunkElements)) delta_writer_->Write(chunk);
+  status_.AssertLiveliness();
+}
+
+void MapperProcess::PublishState(bool idle) {
+  state_.idle = idle;
+  state_.queue_depth = static_cast<uint32_t>(std::max(0, keyframes_waiting_.load()));
+  state_writer_->Write(state_);
+}
+
+void MapperProcess::OnSnapshotRequest(const SnapshotRequest& request) {
+  const auto mapper = mappers_.find(request.map);
+  if (mapper == mappers_.end() || request.asker == setup_.process) return;
+  const Map& map = mapper->second->map();
+  const std::set<KeyFrameId> have(request.have_keyframes.begin(), request.have_keyframes.end());
+  for (const auto& [id, keyframe] : map.keyframes()) {
+    if (have.count(id) == 1) continue;
+    KeyFrameMessage copy;
+    copy.kind = KeyFrameKind::kCopy;
+    copy.data = *keyframe.data;
+    copy.map = request.map;
+    copy.vocabulary_hash = vocabulary_->hash();
+    keyframe_writer_->Write(copy);
+    status_.AssertLiveliness();
+  }
+  PublishDelta(map.Snapshot());
+}
+
+void MapperProcess::OnCorrection(const MapCorrection& correction) {
+  const auto mapper = mappers_.find(correction.map);
+  if (mapper == mappers_.end()) return;
+  ++corrections_;
+  if (Status applied = mapper->second->ApplyCorrection(correction); !applied) {
+    spdlog::warn("correction {} of {} refused: {}", correction.number, ToString(correction.process), applied.error().message);
+  }
+}
+
+void MapperProcess::OnTick() {
+  status_.AssertLiveliness();
+  ContinueTakeover();
+}
+
+void MapperProcess::OnStatusTimer() {
+  if (registration_) request_writer_->Write(*registration_);
+  const std::string words = mappers_.empty() ? (registration_ ? "waiting for the atlas_server" : "waiting for a map") : "mapping";
+  status_.Publish(words, state_.map, state_.epoch, state_.revision,
+                  {{"keyframes_taken", static_cast<double>(taken_)},
+                   {"keyframes_refused", static_cast<double>(refused_)},
+                   {"keyframes_waiting", static_cast<double>(keyframes_waiting_)},
+                   {"early_dropped", static_cast<double>(early_dropped_)},
+                   {"foreign_vocabulary", static_cast<double>(foreign_vocabulary_)},
+                   {"interrupts", static_cast<double>(interrupts_)},
+                   {"corrections", static_cast<double>(corrections_)},
+                   {"events_dropped", static_cast<double>(loop_->dropped())}});
+}
+
+}  // namespace portolan

@@ -1,0 +1,85 @@
+#pragma once
+
+#include <atomic>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "map/map_replica.h"
+#include "mapping/local_mapper.h"
+#include "process/process_setup.h"
+#include "process/status_publisher.h"
+#include "transport/process_loop.h"
+
+namespace portolan {
+
+/// The shell around the mapper: owns the maps that the atlas_server grants it, takes in keyframes, publishes deltas and answers snapshot
+/// requests, all on one owner thread. The tracker's interrupt comes in beside it and stops an optimisation under way.
+class MapperProcess {
+ public:
+  MapperProcess(const ProcessSetup& setup, const MapperOptions& options, std::shared_ptr<const Vocabulary> vocabulary, Bus* bus,
+                const std::string& priority, ProcessLoop* loop);
+  ~MapperProcess();
+
+  /// Runs until SIGINT, SIGTERM or the atlas_server refuses it. Writes its report. @return exit code.
+  int Run();
+
+ private:
+  using Clock = std::chrono::steady_clock;
+
+  void ConnectReaders();
+  void OnKeyFrame(const KeyFrameMessage& message);
+  void OnCommand(const Command& command);
+  void OnSnapshotRequest(const SnapshotRequest& request);
+  void OnReply(const Reply& reply);
+  void OnDeltaChunk(const MapDeltaChunk& chunk);
+  void OnCorrection(const MapCorrection& correction);
+  void OnTick();
+  void OnStatusTimer();
+
+  void Own(MapId map, Epoch epoch);
+  void ContinueTakeover();
+  void Take(LocalMapper* mapper, const KeyFrameMessage& message);
+  Status TakeIntoMap(LocalMapper* mapper, std::shared_ptr<const KeyFrameData> data, const KeyFrameMessage& message);
+  void PublishDelta(const MapDelta& delta);
+  void PublishState(bool idle);
+  void Register();
+
+  const ProcessSetup& setup_;
+  const MapperOptions& options_;
+  std::shared_ptr<const Vocabulary> vocabulary_;
+  Bus* bus_;
+  std::string priority_;
+  ProcessLoop* loop_;
+  StatusPublisher status_;
+  std::unique_ptr<Writer<MapDeltaChunk>> delta_writer_;
+  std::unique_ptr<Writer<KeyFrameMessage>> keyframe_writer_;
+  std::unique_ptr<Writer<MapperState>> state_writer_;
+  std::unique_ptr<Writer<Request>> request_writer_;
+  std::unique_ptr<Writer<SnapshotRequest>> snapshot_writer_;
+  std::vector<std::unique_ptr<Reader>> readers_;
+
+  std::map<MapId, std::unique_ptr<LocalMapper>> mappers_;
+  /// A map granted with a history: followed until a snapshot brings it up to its last owner's state.
+  struct Takeover {
+    MapReplica replica;
+    Epoch epoch = 0;
+    Clock::time_point last_request{};
+  };
+  std::optional<Takeover> takeover_;
+  DeltaAssembler assembler_;
+  std::map<KeyFrameId, std::shared_ptr<const KeyFrameData>> firsts_;  // first frames of pairs
+  std::vector<KeyFrameMessage> early_;                                // for maps not granted yet, bounded
+  std::atomic<int> keyframes_waiting_{0};
+  std::atomic<bool> stop_optimisation_{false};
+  MapperState state_;
+  IdMinter<RequestId> request_ids_;
+  std::optional<Request> registration_;  // until it is answered
+  uint64_t taken_ = 0, refused_ = 0, interrupts_ = 0, foreign_vocabulary_ = 0, early_dropped_ = 0, corrections_ = 0;
+  StageTimes process_times_;
+  int exit_code_ = kExitOk;
+};
+
+}  // namespace portolan

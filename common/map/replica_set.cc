@@ -1,0 +1,106 @@
+#include "map/replica_set.h"
+
+#include <utility>
+
+namespace portolan {
+namespace {
+
+/// Whether a condition has held for longer than the patience; `since` keeps when it began.
+bool HeldFor(bool condition, double patience_s, double now_s, std::optional<double>* since) {
+  if (!condition) since->reset();
+  if (condition && !*since) *since = now_s;
+  return condition && now_s - **since >= patience_s;
+}
+
+}  // namespace
+
+MapReplica& ReplicaSet::Replica(MapId map) { return replicas_.try_emplace(map, map).first->second; }
+
+void ReplicaSet::AddKeyFrameData(MapId map, std::shared_ptr<const KeyFrameData> data) {
+  MapReplica& replica = Replica(map);
+  replica.AddKeyFrameData(std::move(data));
+  const bool expects_snapshot = replica.waiting() > 0 || IsBehind(replica.map(), watches_[map]);  // with the data ahead of it
+  if (!expects_snapshot && replica.keyframe_data().size() > replica.map().keyframes().size() + kMaxUnusedData) DropUnusedData(&replica);
+}
+
+void ReplicaSet::DropUnusedData(MapReplica* replica) {
+  std::vector<KeyFrameId> unused;  // ids of one session rise with age
+  for (const auto& [id, data] : replica->keyframe_data()) {
+    if (replica->map().FindKeyFrame(id) == nullptr) unused.push_back(id);
+  }
+  for (size_t i = 0; i + kMaxUnusedData < unused.size(); ++i) replica->DropKeyFrameData(unused[i]);
+}
+
+void ReplicaSet::AddDelta(MapDelta delta) {
+  const MapId map = delta.map;
+  Replica(map).AddDelta(std::move(delta));
+}
+
+void ReplicaSet::AddChunk(MapDeltaChunk chunk) {
+  for (MapDelta& delta : assembler_.Add(std::move(chunk))) AddDelta(std::move(delta));
+}
+
+void ReplicaSet::Announce(MapId map, Epoch epoch, Revision revision) {
+  Replica(map);
+  Watch& watch = watches_[map];
+  if (std::make_pair(epoch, revision) <= std::make_pair(watch.epoch, watch.revision)) return;
+  watch.epoch = epoch;
+  watch.revision = revision;
+}
+
+std::vector<MapDelta> ReplicaSet::ApplyPending() {
+  std::vector<MapDelta> applied;
+  for (auto& [id, replica] : replicas_) {
+    if (replica.waiting() == 0) continue;
+    for (MapDelta& delta : replica.ApplyPending()) applied.push_back(std::move(delta));
+  }
+  return applied;
+}
+
+bool ReplicaSet::IsBehind(const Map& map, const Watch& watch) const {
+  return watch.revision > 0 && std::make_pair(map.epoch(), map.revision()) < std::make_pair(watch.epoch, watch.revision);
+}
+
+std::vector<SnapshotRequest> ReplicaSet::DueRequests(double now_s, ProcessId asker) {
+  std::vector<SnapshotRequest> requests;
+  for (const auto& [id, replica] : replicas_) {
+    Watch& watch = watches_[id];
+    const bool gap = HeldFor(replica.NeedsSnapshot(), 1e-3 * MapReplica::kPatienceMs, now_s, &watch.gap_since);
+    const bool behind = HeldFor(IsBehind(replica.map(), watch), kAnnouncedPatienceS, now_s, &watch.behind_since);
+    if ((!gap && !behind) || now_s - watch.last_request_s < kRequestIntervalS) continue;
+    watch.last_request_s = now_s;
+    requests.push_back(replica.MakeRequest(asker));
+  }
+  return requests;
+}
+
+bool ReplicaSet::IsEmpty(MapId map) const {
+  const auto replica = replicas_.find(map);
+  const auto watch = watches_.find(map);
+  return (replica == replicas_.end() || (replica->second.map().revision() == 0 && replica->second.waiting() == 0)) &&
+         (watch == watches_.end() || watch->second.revision == 0);
+}
+
+Revision ReplicaSet::Lag(MapId map) const {
+  const auto replica = replicas_.find(map);
+  const auto watch = watches_.find(map);
+  if (replica == replicas_.end() || watch == watches_.end()) return 0;
+  const Map& state = replica->second.map();
+  return state.epoch() == watch->second.epoch && state.revision() < watch->second.revision ? watch->second.revision - state.revision() : 0;
+}
+
+MapReplica::Counters ReplicaSet::counters() const {
+  MapReplica::Counters sum;
+  for (const auto& [id, replica] : replicas_) {
+    const MapReplica::Counters& counted = replica.counters();
+    sum.applied += counted.applied;
+    sum.stale_epoch += counted.stale_epoch;
+    sum.repeated += counted.repeated;
+    sum.rejected += counted.rejected;
+    sum.gaps += counted.gaps;
+    sum.overflow += counted.overflow;
+  }
+  return sum;
+}
+
+}  // namespace portolan

@@ -1,0 +1,66 @@
+#pragma once
+
+#include <map>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "map/map_replica.h"
+
+namespace portolan {
+
+/// Follows every map that comes along, for a process that owns none: a replica each, chunks put together, snapshots asked for when something stays
+/// missing. Time is given in seconds of any steady clock. Not thread-safe.
+///
+///   ReplicaSet replicas;
+///   replicas.AddKeyFrameData(message.map, data);  replicas.AddChunk(chunk);
+///   for (const MapDelta& delta : replicas.ApplyPending()) ...                       // what changed, map by map
+///   for (const SnapshotRequest& request : replicas.DueRequests(now_s, process)) ... // a few times a second
+class ReplicaSet {
+ public:
+  void AddKeyFrameData(MapId map, std::shared_ptr<const KeyFrameData> data);
+  /// A whole delta, as from a store.
+  void AddDelta(MapDelta delta);
+  void AddChunk(MapDeltaChunk chunk);
+  /// Someone says that the map has come so far: one that stays behind has lost its last deltas, or come late, and asks.
+  void Announce(MapId map, Epoch epoch, Revision revision);
+
+  /// Applies what can be applied, of all maps. @return the deltas applied, in order (see MapReplica::ApplyPending).
+  std::vector<MapDelta> ApplyPending();
+
+  /// Requests for maps that have waited for long enough; for each once a second at most.
+  std::vector<SnapshotRequest> DueRequests(double now_s, ProcessId asker);
+
+  const std::map<MapId, MapReplica>& replicas() const { return replicas_; }
+  /// Whether nothing of the map is known, here or by announcement.
+  bool IsEmpty(MapId map) const;
+  /// Revisions that the map is behind what was announced; 0 across epochs.
+  Revision Lag(MapId map) const;
+  /// Sums over all replicas.
+  MapReplica::Counters counters() const;
+
+  /// Data kept of each map that is in no delta yet, the newest; frames that were offered to begin a map and refused are in none ever.
+  static constexpr size_t kMaxUnusedData = 32;
+  /// A delta overtaken by another fits within MapReplica::kPatienceMs; what was announced may wait in a busy owner's or reader's queue.
+  static constexpr double kAnnouncedPatienceS = 2.0;
+  static constexpr double kRequestIntervalS = 1.0;
+
+ private:
+  struct Watch {
+    Epoch epoch = 0;
+    Revision revision = 0;           ///< announced, in that epoch
+    std::optional<double> gap_since;
+    std::optional<double> behind_since;
+    double last_request_s = -kRequestIntervalS;
+  };
+
+  MapReplica& Replica(MapId map);
+  void DropUnusedData(MapReplica* replica);
+  bool IsBehind(const Map& map, const Watch& watch) const;
+
+  std::map<MapId, MapReplica> replicas_;
+  std::map<MapId, Watch> watches_;
+  DeltaAssembler assembler_;
+};
+
+}  // namespace portolan

@@ -1,0 +1,136 @@
+#include "map/replica_set.h"
+
+#include <gtest/gtest.h>
+
+#include "map/random_edits.h"
+
+namespace portolan {
+namespace {
+
+const ProcessId kAsker(0, 9, 1);
+constexpr double kPatienceS = 1e-3 * MapReplica::kPatienceMs;
+
+/// Two maps with an owner, edited in turn.
+class ReplicaSetTest : public ::testing::Test {
+ protected:
+  static MapDelta Change(Map* map, RandomEdits* edits) {
+    MapDelta delta;
+    do {
+      edits->Next();
+      delta = map->TakeDelta();
+    } while (delta.IsEmpty());
+    return delta;
+  }
+
+  void SendData(const Map& map, const RandomEdits& edits) {
+    for (const auto& [id, data] : edits.data()) set_.AddKeyFrameData(map.id(), data);
+  }
+
+  void ExpectEqual(const Map& owner) {
+    ASSERT_EQ(set_.replicas().count(owner.id()), 1u);
+    EXPECT_EQ(HashMap(set_.replicas().at(owner.id()).map()), HashMap(owner));
+    EXPECT_EQ(set_.replicas().at(owner.id()).map().revision(), owner.revision());
+  }
+
+  Map a_{MapId(0, 1, 1), 1}, b_{MapId(0, 1, 2), 1};
+  RandomEdits edits_a_{1, &a_}, edits_b_{2, &b_};
+  ReplicaSet set_;
+};
+
+TEST_F(ReplicaSetTest, FollowsSeveralMapsInChunks) {
+  for (int round = 0; round < 40; ++round) {
+    for (auto [map, edits] : {std::make_pair(&a_, &edits_a_), std::make_pair(&b_, &edits_b_)}) {
+      const MapDelta delta = Change(map, edits);
+      SendData(*map, *edits);
+      for (const MapDeltaChunk& chunk : SplitDelta(delta, 3)) set_.AddChunk(chunk);
+    }
+    EXPECT_EQ(set_.ApplyPending().size(), 2u);
+  }
+  ExpectEqual(a_);
+  ExpectEqual(b_);
+  EXPECT_EQ(set_.counters().applied, 80u);
+  EXPECT_TRUE(set_.DueRequests(0, kAsker).empty());
+  EXPECT_TRUE(set_.DueRequests(100, kAsker).empty());
+}
+
+TEST_F(ReplicaSetTest, AsksForASnapshotAfterAGapWithPatience) {
+  SendData(a_, edits_a_);
+  set_.AddDelta(Change(&a_, &edits_a_));
+  Change(&a_, &edits_a_);  // lost
+  set_.AddDelta(Change(&a_, &edits_a_));
+  SendData(a_, edits_a_);
+  set_.ApplyPending();
+  EXPECT_TRUE(set_.DueRequests(10, kAsker).empty());
+  EXPECT_TRUE(set_.DueRequests(10 + 0.9 * kPatienceS, kAsker).empty());
+  const auto requests = set_.DueRequests(10 + kPatienceS, kAsker);
+  ASSERT_EQ(requests.size(), 1u);
+  EXPECT_EQ(requests[0].map, a_.id());
+  EXPECT_EQ(requests[0].asker, kAsker);
+  EXPECT_EQ(requests[0].have_revision, 1u);
+  EXPECT_TRUE(set_.DueRequests(10 + kPatienceS + 0.9 * ReplicaSet::kRequestIntervalS, kAsker).empty()) << "not more often than once a second";
+  EXPECT_EQ(set_.DueRequests(10 + kPatienceS + ReplicaSet::kRequestIntervalS, kAsker).size(), 1u);
+
+  set_.AddDelta(a_.Snapshot());
+  set_.ApplyPending();
+  ExpectEqual(a_);
+  EXPECT_TRUE(set_.DueRequests(100, kAsker).empty());
+}
+
+TEST_F(ReplicaSetTest, NoticesThatTheLastDeltaIsMissing) {
+  SendData(a_, edits_a_);
+  set_.AddDelta(Change(&a_, &edits_a_));
+  Change(&a_, &edits_a_);  // lost, and nothing comes after it
+  set_.ApplyPending();
+  EXPECT_TRUE(set_.DueRequests(0, kAsker).empty());
+  set_.Announce(a_.id(), a_.epoch(), a_.revision());
+  EXPECT_EQ(set_.Lag(a_.id()), 1u);
+  EXPECT_TRUE(set_.DueRequests(1, kAsker).empty());
+  EXPECT_EQ(set_.DueRequests(1 + ReplicaSet::kAnnouncedPatienceS, kAsker).size(), 1u);
+  SendData(a_, edits_a_);
+  set_.AddDelta(a_.Snapshot());
+  set_.ApplyPending();
+  EXPECT_EQ(set_.Lag(a_.id()), 0u);
+  EXPECT_TRUE(set_.DueRequests(100, kAsker).empty());
+}
+
+TEST_F(ReplicaSetTest, LateComerLearnsOfAMapByAnnouncement) {
+  Change(&a_, &edits_a_);
+  EXPECT_TRUE(set_.IsEmpty(a_.id()));
+  set_.Announce(a_.id(), 1, a_.revision());
+  EXPECT_FALSE(set_.IsEmpty(a_.id()));
+  set_.DueRequests(0, kAsker);
+  ASSERT_EQ(set_.DueRequests(5, kAsker).size(), 1u);
+  for (int i = 0; i < 100; ++i) edits_a_.Edit(RandomEdits::kAddKeyFrame);
+  static_cast<void>(a_.TakeDelta());
+  SendData(a_, edits_a_);  // a hundred keyframes ahead of the snapshot: all are kept
+  set_.AddDelta(a_.Snapshot());
+  set_.ApplyPending();
+  ExpectEqual(a_);
+}
+
+TEST_F(ReplicaSetTest, AnOlderAnnouncementChangesNothing) {
+  set_.Announce(a_.id(), 2, 5);
+  set_.Announce(a_.id(), 1, 50);
+  set_.Announce(a_.id(), 2, 4);
+  SendData(a_, edits_a_);
+  a_.SetEpoch(2);
+  set_.AddDelta(Change(&a_, &edits_a_));
+  set_.ApplyPending();
+  EXPECT_EQ(set_.Lag(a_.id()), 4u);
+}
+
+TEST_F(ReplicaSetTest, ForgetsDataThatNoDeltaUses) {
+  SendData(a_, edits_a_);
+  set_.AddDelta(Change(&a_, &edits_a_));
+  set_.ApplyPending();
+  Random random(4);
+  const size_t used = set_.replicas().at(a_.id()).map().keyframes().size();
+  for (uint32_t i = 0; i < 200; ++i) set_.AddKeyFrameData(a_.id(), RandomEdits::MakeData(KeyFrameId(0, 1, 1000 + i), &random));
+  const auto& data = set_.replicas().at(a_.id()).keyframe_data();
+  EXPECT_LE(data.size(), used + ReplicaSet::kMaxUnusedData);
+  EXPECT_EQ(data.count(KeyFrameId(0, 1, 1199)), 1u) << "the newest is kept";
+  for (const auto& [id, keyframe] : a_.keyframes()) EXPECT_EQ(data.count(id), 1u);
+}
+
+}  // namespace
+}  // namespace portolan

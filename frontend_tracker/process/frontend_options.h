@@ -1,0 +1,27 @@
+#pragma once
+
+#include <string>
+
+#include "base/config_reader.h"
+#include "dataset/image_source.h"
+#include "dataset/player.h"
+#include "tracking/tracker_options.h"
+
+namespace portolan {
+
+/// What the tracker's process is configured with.
+struct FrontendOptions {
+  SourceOptions source;           ///< section source
+  std::string speed = "1";        ///< source.speed: a factor of real time, "max" or "lockstep"
+  PlaybackOptions playback;       ///< from speed
+  TrackerOptions tracker;         ///< sections tracker and orb
+  double peer_timeout_s = 15;     ///< how long the run waits for mapper and atlas_server at its start, and for the mapper to finish at its end
+};
+
+/// The value of source.data that stands for the DDS image topic instead of a file.
+constexpr const char* kTopicSource = "topic";
+
+/// Reads and checks the sections source, tracker and orb.
+Status ReadFrontendOptions(ConfigReader* config, FrontendOptions* options);
+
+}  // namespace portolan

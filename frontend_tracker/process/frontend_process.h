@@ -1,0 +1,84 @@
+#pragma once
+
+#include <chrono>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+
+#include "process/frame_pump.h"
+#include "process/frontend_options.h"
+#include "process/process_setup.h"
+#include "process/status_publisher.h"
+#include "tracking/tracker.h"
+#include "transport/process_loop.h"
+
+namespace portolan {
+
+/// The shell around the tracker: frames from a player, deltas and states from DDS, one owner thread for all of it (ProcessLoop).
+class FrontendProcess {
+ public:
+  FrontendProcess(const ProcessSetup& setup, const FrontendOptions& options, std::unique_ptr<Player> player,
+                  std::shared_ptr<const Vocabulary> vocabulary, Bus* bus, const std::string& priority, ProcessLoop* loop);
+  ~FrontendProcess();
+
+  /// Runs until the source has ended and the mapper has taken in the last keyframe, or the user stops it. Writes the results.
+  /// @return exit code.
+  int Run();
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  enum class Phase { kWaitingForPeers, kRunning, kDraining, kOver };
+
+  void ConnectReaders();
+  void CheckPeers();
+  void OnFrame(PlayedFrame frame);
+  void OnMapper(const MapperState& state);
+  void OnDeltaChunk(MapDeltaChunk chunk);
+  void OnEndOfSource();
+  void OnTick();           // ten times a second: what waits for an answer that may not come
+  void OnStatusTimer();
+  void Publish(const Tracker::Output& output);
+  void ReleasePumpIfReady();
+  bool MapperIsDone() const;
+  void ShowProgress(const TrackerState& state);
+  int Finish();
+
+  const ProcessSetup& setup_;
+  const FrontendOptions& options_;
+  Bus* bus_;
+  ProcessLoop* loop_;
+  std::unique_ptr<Player> player_;
+  std::optional<uint64_t> num_frames_;
+  std::shared_ptr<const Vocabulary> vocabulary_;
+  std::string priority_;
+  Tracker tracker_;
+  FramePump pump_;
+  StatusPublisher status_;
+
+  std::unique_ptr<Writer<KeyFrameMessage>> keyframe_writer_;
+  std::unique_ptr<Writer<TrackerState>> state_writer_;
+  std::unique_ptr<Writer<SnapshotRequest>> snapshot_writer_;
+  std::unique_ptr<Writer<Request>> request_writer_;
+  std::vector<std::unique_ptr<Reader>> readers_;
+
+  Phase phase_ = Phase::kWaitingForPeers;
+  Clock::time_point phase_start_ = Clock::now();
+  std::set<std::string> roles_seen_;
+  DeltaAssembler assembler_;
+  MapperState mapper_;
+  bool frame_in_work_ = false;
+  IdMinter<RequestId> request_ids_;
+  std::map<RequestId, Request> open_requests_;  // until a Reply comes
+  Clock::time_point last_send_ = Clock::now();
+  Clock::time_point last_snapshot_request_ = Clock::now();
+  Clock::time_point last_progress_{};
+  std::optional<Clock::time_point> in_need_since_;
+  std::map<KeyFrameId, Clock::time_point> published_;  // to measure a keyframe's way to the replica
+  StageTimes process_times_;
+  uint64_t frames_ = 0, tracked_online_ = 0;
+  TrackerState last_state_;
+  int exit_code_ = kExitOk;
+};
+
+}  // namespace portolan

@@ -1,0 +1,42 @@
+#include "process/frontend_process.h"
+
+#include "process/topic_source.h"
+
+int main(int argc, char** argv) {
+  using namespace portolan;
+  FrontendOptions options;
+  const ProcessSetup setup = ProcessSetup::Make(
+      "frontend_tracker", "Portolan's tracker: estimates the camera's pose in each frame and chooses keyframes", argc, argv,
+      [](CLI::App* app, std::vector<std::string>* assignments) {
+        const auto flag_for = [&](const char* flag, const char* key, const char* help) {
+          app->add_option_function<std::string>(
+              flag, [assignments, key](const std::string& value) { assignments->push_back(std::string(key) + "=" + value); }, help);
+        };
+        flag_for("--data", "source.data", "folder of a data set, video file, /dev/videoN, or 'topic' for the DDS image topic");
+        flag_for("--camera", "source.camera", "calibration file (default: found in the data set)");
+        flag_for("--speed", "source.speed", "factor of real time, max, or lockstep (default 1)");
+      },
+      [&](ConfigReader* config) { return ReadFrontendOptions(config, &options); });
+  if (setup.exit_code) return *setup.exit_code;
+
+  const auto vocabulary =
+      Vocabulary::Open(setup.options.vocabulary_file.empty() ? Vocabulary::DefaultPath() : setup.options.vocabulary_file);
+  if (!vocabulary) {
+    spdlog::error("{}", vocabulary.error().message);
+    return kExitBadInput;
+  }
+  ProcessLoop loop(4096);
+  std::string priority;
+  auto bus = StartProcess(setup.options, &priority);
+  if (!bus) {
+    spdlog::error("{}", bus.error().message);
+    return kExitFailure;
+  }
+  auto source = OpenFrontendSource(options.source, bus->get());
+  if (!source) {
+    spdlog::error("{}", source.error().message);
+    return kExitBadInput;
+  }
+  FrontendProcess process(setup, options, std::make_unique<Player>(std::move(*source), options.playback), *vocabulary, bus->get(), priority, &loop);
+  return process.Run();
+}

@@ -1,0 +1,122 @@
+#include "tracking/keyframe_policy.h"
+
+#include <gtest/gtest.h>
+
+#include "tracking/synthetic_frame.h"
+
+namespace portolan {
+namespace {
+
+using Decision = KeyFramePolicy::Decision;
+
+/// A map of two keyframes 0.5 apart at depth about 5, and a frame that tracks it well at `centre_x` along their line.
+class KeyFramePolicyTest : public ::testing::Test {
+ protected:
+  KeyFramePolicyTest() {
+    SyntheticSceneOptions options;
+    options.num_views = 2;
+    options.travel = 0.5;
+    scene_ = MakeSyntheticScene(options);
+    map_ = BuildMap(scene_);
+    static_cast<void>(map_.TakeDelta());
+    policy_.StartMap(map_);
+  }
+  /// The frame tracks the share of the second keyframe's landmarks.
+  Frame MakeFrame(double centre_x, double share) const {
+    Frame frame = FrameOfView(scene_, 1);
+    frame.landmarks = TrueLandmarks(scene_, 1, map_);
+    const auto keep = static_cast<size_t>(share * static_cast<double>(frame.landmarks.size()));
+    for (size_t i = keep; i < frame.landmarks.size(); ++i) frame.landmarks[i] = MapPointId();
+    for (const MapPointId id : frame.landmarks) frame.num_inliers += id.IsValid() ? 1 : 0;
+    frame.num_candidates = frame.num_inliers;
+    frame.camera_from_map = Rigid3d(Eigen::Quaterniond::Identity(), {-centre_x, 0, 0});
+    frame.reference = scene_.views[1].data->id;
+    frame.stamp = Timestamp::FromSeconds(100);
+    return frame;
+  }
+
+  SyntheticScene scene_;
+  Map map_;
+  KeyFramePolicy policy_{KeyFramePolicyOptions()};
+};
+
+TEST_F(KeyFramePolicyTest, AFarWellTrackedFrameIsInserted) {
+  EXPECT_EQ(policy_.Decide(map_, MakeFrame(1.5, 1.0), true), Decision::kInsert);
+}
+
+TEST_F(KeyFramePolicyTest, QualityNeedsTenPointsAndSevenTenths) {
+  Frame frame = MakeFrame(1.5, 1.0);
+  frame.num_inliers = 9;
+  frame.num_candidates = 9;
+  EXPECT_FALSE(policy_.IsQualityGood(frame));
+  frame.num_inliers = frame.num_candidates = 10;
+  EXPECT_TRUE(policy_.IsQualityGood(frame));
+  frame.num_inliers = 70;
+  frame.num_candidates = 100;
+  EXPECT_FALSE(policy_.IsQualityGood(frame));  // s > 0.7, not equal
+  frame.num_inliers = 71;
+  EXPECT_TRUE(policy_.IsQualityGood(frame));
+  frame.num_inliers = 0;
+  frame.num_candidates = 0;
+  EXPECT_FALSE(policy_.IsQualityGood(frame));
+  EXPECT_EQ(policy_.Decide(map_, frame, true), Decision::kNo);
+}
+
+TEST_F(KeyFramePolicyTest, DistanceIsMeasuredByDepthFromTheNearestKeyFrame) {
+  EXPECT_FALSE(policy_.IsFarEnough(map_, MakeFrame(0.5, 1.0)));   // where the second keyframe is
+  EXPECT_FALSE(policy_.IsFarEnough(map_, MakeFrame(0.25, 1.0)));  // between the two
+  EXPECT_FALSE(policy_.IsFarEnough(map_, MakeFrame(0.9, 1.0)));
+  EXPECT_TRUE(policy_.IsFarEnough(map_, MakeFrame(1.15, 1.0)));
+  EXPECT_TRUE(policy_.IsFarEnough(map_, MakeFrame(-0.7, 1.0)));
+  // The same way at ten times the depth is not far any more.
+  Map deep = map_;
+  for (const MapPointId id : deep.SortedPointIds()) deep.SetPosition(id, 10.0f * deep.point(id).position_in_map);
+  EXPECT_FALSE(policy_.IsFarEnough(deep, MakeFrame(1.15, 1.0)));
+}
+
+TEST_F(KeyFramePolicyTest, ThresholdScalesWithItsFactor) {
+  KeyFramePolicyOptions options;
+  options.distance_factor = 3;
+  KeyFramePolicy strict(options);
+  strict.StartMap(map_);
+  EXPECT_FALSE(strict.IsFarEnough(map_, MakeFrame(1.15, 1.0)));
+  EXPECT_TRUE(strict.IsFarEnough(map_, MakeFrame(2.3, 1.0)));
+}
+
+TEST_F(KeyFramePolicyTest, ANewViewCountsWithoutDistance) {
+  const Frame near_same = MakeFrame(0.5, 1.0), near_new = MakeFrame(0.5, 0.5);
+  EXPECT_EQ(policy_.Decide(map_, near_same, true), Decision::kNo);
+  EXPECT_TRUE(policy_.IsViewNew(map_, near_new));
+  EXPECT_EQ(policy_.Decide(map_, near_new, true), Decision::kInsert);
+  Frame without_reference = near_new;
+  without_reference.reference = KeyFrameId();
+  EXPECT_FALSE(policy_.IsViewNew(map_, without_reference));
+}
+
+TEST_F(KeyFramePolicyTest, ABusyMapperIsInterruptedOnlyIfItAloneIsInTheWay) {
+  EXPECT_EQ(policy_.Decide(map_, MakeFrame(1.5, 1.0), false), Decision::kInterrupt);
+  EXPECT_EQ(policy_.Decide(map_, MakeFrame(0.5, 1.0), false), Decision::kNo);
+  Frame poor = MakeFrame(1.5, 1.0);
+  poor.num_candidates = 2 * poor.num_inliers;
+  EXPECT_EQ(policy_.Decide(map_, poor, false), Decision::kNo);
+}
+
+TEST_F(KeyFramePolicyTest, KeepsTheInterval) {
+  KeyFramePolicyOptions options;
+  options.min_interval_s = 0.5;
+  KeyFramePolicy policy(options);
+  policy.StartMap(map_);
+  policy.NoteKeyFrame(Timestamp::FromSeconds(99.6));
+  EXPECT_EQ(policy.Decide(map_, MakeFrame(1.5, 1.0), true), Decision::kNo);
+  policy.NoteKeyFrame(Timestamp::FromSeconds(99.4));
+  EXPECT_EQ(policy.Decide(map_, MakeFrame(1.5, 1.0), true), Decision::kInsert);
+}
+
+TEST_F(KeyFramePolicyTest, AFrameWithoutLandmarksIsNowhere) {
+  Frame frame = MakeFrame(1.5, 0.0);
+  EXPECT_FALSE(policy_.IsFarEnough(map_, frame));
+  EXPECT_EQ(policy_.Decide(map_, frame, true), Decision::kNo);
+}
+
+}  // namespace
+}  // namespace portolan

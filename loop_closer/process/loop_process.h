@@ -1,0 +1,52 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "loop/map_follower.h"
+#include "process/process_setup.h"
+#include "process/status_publisher.h"
+#include "transport/process_loop.h"
+
+namespace portolan {
+
+/// The shell around loop closing: follows the maps on one owner thread and reports on them.
+class LoopProcess {
+ public:
+  LoopProcess(const ProcessSetup& setup, std::shared_ptr<const Vocabulary> vocabulary, Bus* bus, const std::string& priority, ProcessLoop* loop);
+  ~LoopProcess();
+
+  /// Runs until SIGINT or SIGTERM, then writes its report. @return exit code.
+  int Run();
+
+ private:
+  using Clock = std::chrono::steady_clock;
+
+  void ConnectReaders();
+  void OnKeyFrame(const KeyFrameMessage& message);
+  void OnDeltaChunk(const MapDeltaChunk& chunk);
+  void OnMapperState(const MapperState& state) { follower_.OnMapperState(state); }
+  void OnStatus(const ProcessStatus& status);
+  void OnTick();
+  void OnStatusTimer();
+  void OnLogTimer();
+  void ApplyPending();
+  int Finish();
+
+  const ProcessSetup& setup_;
+  Bus* bus_;
+  std::string priority_;
+  ProcessLoop* loop_;
+  StatusPublisher status_;
+  std::unique_ptr<Writer<SnapshotRequest>> snapshot_writer_;
+  std::vector<std::unique_ptr<Reader>> readers_;
+
+  MapFollower follower_;
+  Revision logged_revision_ = 0;
+  MapId logged_map_;
+  uint64_t foreign_ = 0, snapshots_asked_ = 0;
+  StageTimes times_;
+};
+
+}  // namespace portolan
