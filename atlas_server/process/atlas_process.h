@@ -7,6 +7,8 @@
 #include "atlas/atlas.h"
 #include "atlas/map_saver.h"
 #include "atlas/map_store.h"
+#include "base/log.h"
+#include "base/statistics.h"
 #include "map/replica_set.h"
 #include "process/atlas_config.h"
 #include "process/process_setup.h"

@@ -18,6 +18,7 @@ KeyFrameView::KeyFrameView(const KeyFrame& keyframe)
       rotation_(keyframe.camera_from_map.rotation.toRotationMatrix()),
       centre_in_map_(keyframe.camera_from_map.TargetOriginInSource()),
       scales_(keyframe.data->pyramid.Scales()),
+      sigmas_(keyframe.data->pyramid.Sigmas()),
       inverse_log_factor_(1.0 / std::log(keyframe.data->pyramid.factor)) {}
 
 std::optional<PredictedFeature> KeyFrameView::Predict(const MapPoint& point) const {

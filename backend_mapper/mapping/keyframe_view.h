@@ -26,7 +26,7 @@ class KeyFrameView {
   std::optional<PredictedFeature> Predict(const MapPoint& point) const;
 
   /// Standard deviation of a feature's location: its pyramid level's scale, pixels.
-  double Sigma(uint32_t feature) const { return scales_[data().features.octaves[feature]]; }
+  double Sigma(uint32_t feature) const { return sigmas_[data().features.octaves[feature]]; }
   double Scale(int octave) const { return scales_[static_cast<size_t>(octave)]; }
   Eigen::Vector2d Pixel(uint32_t feature) const { return data().features.pixels_px[feature].cast<double>(); }
   bool IsFree(uint32_t feature) const { return !keyframe_.landmarks[feature].IsValid(); }
@@ -41,7 +41,7 @@ class KeyFrameView {
   const KeyFrame& keyframe_;
   Eigen::Matrix3d rotation_;
   Eigen::Vector3d centre_in_map_;
-  std::vector<double> scales_;
+  std::vector<double> scales_, sigmas_;
   double inverse_log_factor_;
 };
 

@@ -15,7 +15,8 @@ namespace {
 constexpr double kNoticeablePointShift = 1e-4;  // of the point's distance from a camera that sees it
 constexpr double kNoticeablePoseShift = 1e-5;   // radians, and of the median depth
 
-// An interrupted solution is good enough to tell outliers by after so many iterations: most cost falls in the first two.
+// An interrupted solution is good enough to tell outliers by after so many iterations: most cost falls in the first
+// two.
 constexpr int kMinSettledIterations = 2;
 
 // Keyframes that pin the window: one fixes the frame (six freedoms), a second the scale.
@@ -74,7 +75,7 @@ PoseTable AddPoses(const Map& map, const LocalWindow& window, BundleProblem* pro
       const KeyFrame& keyframe = map.keyframe(id);
       table.index.emplace(id, static_cast<uint32_t>(table.data.size()));
       table.data.push_back(keyframe.data.get());
-      table.scales.push_back(keyframe.data->pyramid.Scales());
+      table.scales.push_back(keyframe.data->pyramid.Sigmas());
       problem->poses.push_back({keyframe.camera_from_map, keyframe.data->camera, fixed});
     }
   }

@@ -85,7 +85,7 @@ LocalMapper::TrackedLandmarks LocalMapper::FindLandmarks(const KeyFrameData& dat
     tracked.sources.emplace_back(feature, point->id);
     tracked.matches.landmarks_in_map.push_back(point->position_in_map.cast<double>());
     tracked.matches.pixels_px.push_back(data.features.pixels_px[feature].cast<double>());
-    tracked.matches.sigmas_px.push_back(data.pyramid.Scale(data.features.octaves[feature]));
+    tracked.matches.sigmas_px.push_back(data.pyramid.Sigma(data.features.octaves[feature]));
   }
   return tracked;
 }

@@ -43,7 +43,7 @@ void AddMeasurement(const KeyFrameData& data, uint32_t feature, uint32_t camera,
   measurement.pose = camera;
   measurement.point = point;
   measurement.pixel_px = data.features.pixels_px[feature].cast<double>();
-  measurement.sigma_px = data.pyramid.Scale(data.features.octaves[feature]);
+  measurement.sigma_px = data.pyramid.Sigma(data.features.octaves[feature]);
   problem->measurements.push_back(measurement);
 }
 

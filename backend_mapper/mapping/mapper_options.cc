@@ -29,7 +29,6 @@ std::vector<Range> Ranges(const MapperOptions& o) {
       {"fusion.neighbours", static_cast<double>(o.fusion.neighbours), 0, 100},
       {"fusion.second_neighbours", static_cast<double>(o.fusion.second_neighbours), 0, 100},
       {"fusion.max_keyframes", static_cast<double>(o.fusion.max_keyframes), 0, 1000},
-      {"fusion.radius", o.fusion.radius, 0.1, 100},
       {"fusion.chi2", o.fusion.chi2, 1e-6, 100},
       {"fusion.max_distance", static_cast<double>(o.fusion.max_distance), 1, 256},
       {"bundle.max_keyframes", static_cast<double>(o.bundle.max_keyframes), 2, 1000},

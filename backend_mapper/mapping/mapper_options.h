@@ -32,7 +32,6 @@ struct FusionOptions {
   int neighbours = 10;        ///< covisible keyframes, best first
   int second_neighbours = 3;  ///< of each neighbour
   int max_keyframes = 20;     ///< both kinds together: bounds the work
-  double radius = 3.0;        ///< of the search window, in pixels at the predicted octave: three sigma
   double chi2 = 5.991;        ///< squared normalised distance of the feature to the projection
   int max_distance = 50;      ///< Hamming
 };

@@ -22,9 +22,9 @@ TEST(MapperOptions, NamesWhatIsWrong) {
   ASSERT_FALSE(checked.ok());
   EXPECT_THAT(checked.error().message, HasSubstr("bundle.max_keyframes is 0"));
   options = MapperOptions();
-  options.fusion.radius = std::nan("");
+  options.fusion.chi2 = std::nan("");
   ASSERT_FALSE(options.Check().ok());
-  EXPECT_THAT(options.Check().error().message, HasSubstr("fusion.radius"));
+  EXPECT_THAT(options.Check().error().message, HasSubstr("fusion.chi2"));
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 #include "mapping/point_fusion.h"
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
 #include <unordered_set>
 
@@ -34,8 +35,10 @@ std::optional<uint32_t> FindFeature(const KeyFrameView& view, const MapPoint& po
                                     const FusionOptions& options, std::vector<uint32_t>* nearby) {
   const FeatureSet& features = view.data().features;
   nearby->clear();
-  view.data().grid.Find(features, predicted.pixel_px, options.radius * view.Scale(predicted.octave),
-                        predicted.octave - 1, predicted.octave + 1, nearby);
+  // As far as the error may be at the coarsest octave searched.
+  const int coarsest = std::min(predicted.octave + 1, view.data().pyramid.levels - 1);
+  const double radius_px = std::sqrt(options.chi2) * view.Scale(coarsest);
+  view.data().grid.Find(features, predicted.pixel_px, radius_px, predicted.octave - 1, coarsest, nearby);
   std::optional<uint32_t> best;
   int best_distance = options.max_distance + 1;
   for (const uint32_t feature : *nearby) {

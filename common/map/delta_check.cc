@@ -12,8 +12,8 @@ namespace portolan {
 namespace {
 
 bool IsSound(const Rigid3d& pose) {
-  return pose.translation.allFinite() && pose.translation.cwiseAbs().maxCoeff() < kMaxCoordinate && pose.rotation.coeffs().allFinite() &&
-         std::abs(pose.rotation.norm() - 1.0) < 1e-6;
+  return pose.translation.allFinite() && pose.translation.cwiseAbs().maxCoeff() < kMaxCoordinate &&
+         pose.rotation.coeffs().allFinite() && std::abs(pose.rotation.norm() - 1.0) < 1e-6;
 }
 
 bool IsSound(const Eigen::Vector3f& position) {
@@ -33,12 +33,14 @@ bool Before(const ObservationState& a, const ObservationState& b) {
 
 class DeltaChecker {
  public:
-  DeltaChecker(const Map& map, const MapDelta& delta, const Map::FindData& find_data) : map_(map), delta_(delta), find_data_(find_data) {}
+  DeltaChecker(const Map& map, const MapDelta& delta, const Map::FindData& find_data)
+      : map_(map), delta_(delta), find_data_(find_data) {}
 
   Status Check() {
-    for (const auto step : {&DeltaChecker::CheckRemovedIds, &DeltaChecker::CheckKeyFrames, &DeltaChecker::CheckPoints,
-                            &DeltaChecker::CheckHeirs, &DeltaChecker::CheckRoots, &DeltaChecker::CheckParents,
-                            &DeltaChecker::SortObservations, &DeltaChecker::CheckObservations, &DeltaChecker::CheckCounts}) {
+    for (const auto step :
+         {&DeltaChecker::CheckRemovedIds, &DeltaChecker::CheckKeyFrames, &DeltaChecker::CheckPoints,
+          &DeltaChecker::CheckHeirs, &DeltaChecker::CheckRoots, &DeltaChecker::CheckParents,
+          &DeltaChecker::SortObservations, &DeltaChecker::CheckObservations, &DeltaChecker::CheckCounts}) {
       if (Status status = (this->*step)(); !status) return status;
     }
     return Ok{};
@@ -49,7 +51,9 @@ class DeltaChecker {
   bool HasKeyFrame(KeyFrameId id) const {
     return new_keyframes_.count(id) == 1 || (map_.FindKeyFrame(id) != nullptr && removed_keyframes_.count(id) == 0);
   }
-  bool HasPoint(MapPointId id) const { return new_points_.count(id) == 1 || (map_.FindPoint(id) != nullptr && removed_points_.count(id) == 0); }
+  bool HasPoint(MapPointId id) const {
+    return new_points_.count(id) == 1 || (map_.FindPoint(id) != nullptr && removed_points_.count(id) == 0);
+  }
   KeyFrameId ParentOf(KeyFrameId id) const {
     const auto changed = parents_.find(id);
     return changed != parents_.end() ? changed->second : map_.keyframe(id).parent;
@@ -64,7 +68,8 @@ class DeltaChecker {
     for (size_t i = 0; i < delta_.removed_keyframes.size(); ++i) {
       const auto& removed = delta_.removed_keyframes[i];
       if (!removed_keyframes_.emplace(removed.id, i).second) return About("keyframe", removed.id, "is removed twice");
-      if (!IsSound(removed.removed_from_anchor)) return About("removed keyframe", removed.id, "has a pose that is not a finite rigid motion");
+      if (!IsSound(removed.removed_from_anchor))
+        return About("removed keyframe", removed.id, "has a pose that is not a finite rigid motion");
     }
     return Ok{};
   }
@@ -72,7 +77,8 @@ class DeltaChecker {
   Status CheckKeyFrames() {
     for (const auto& state : delta_.keyframes) {
       if (!state.id.IsValid()) return Error{"a keyframe has no id"};
-      if (!IsSound(state.camera_from_map)) return About("keyframe", state.id, "has a pose that is not a finite rigid motion");
+      if (!IsSound(state.camera_from_map))
+        return About("keyframe", state.id, "has a pose that is not a finite rigid motion");
       if (removed_keyframes_.count(state.id) == 1) return About("keyframe", state.id, "is both removed and changed");
       if (!parents_.emplace(state.id, state.parent).second) return About("keyframe", state.id, "is in the delta twice");
       const KeyFrame* known = map_.FindKeyFrame(state.id);
@@ -117,7 +123,8 @@ class DeltaChecker {
       const MapPointId heir = delta_.removed_points[i].replaced_by;
       if (!heir.IsValid() || HasPoint(heir)) continue;
       const auto removed = removed_points_.find(heir);
-      if (removed == removed_points_.end() || removed->second <= i) return About("replacing point", heir, "is not known");
+      if (removed == removed_points_.end() || removed->second <= i)
+        return About("replacing point", heir, "is not known");
     }
     for (size_t i = 0; i < delta_.removed_keyframes.size(); ++i) {
       const KeyFrameId heir = delta_.removed_keyframes[i].anchor;
@@ -152,7 +159,8 @@ class DeltaChecker {
     }
     if (!removed_keyframes_.empty()) {
       for (const auto& [id, keyframe] : map_.keyframes()) {
-        if (removed_keyframes_.count(id) == 0 && removed_keyframes_.count(ParentOf(id)) == 1) return About("parent of", id, "is removed");
+        if (removed_keyframes_.count(id) == 0 && removed_keyframes_.count(ParentOf(id)) == 1)
+          return About("parent of", id, "is removed");
       }
     }
     // Only keyframes in the delta can close a circle; walks end at what is known to lead to the root.
@@ -174,17 +182,20 @@ class DeltaChecker {
     observations_.reserve(delta_.observations.size());
     for (const ObservationState& o : delta_.observations) observations_.push_back(&o);
     const auto before = [](const ObservationState* a, const ObservationState* b) { return Before(*a, *b); };
-    if (!std::is_sorted(observations_.begin(), observations_.end(), before)) std::sort(observations_.begin(), observations_.end(), before);
+    if (!std::is_sorted(observations_.begin(), observations_.end(), before))
+      std::sort(observations_.begin(), observations_.end(), before);
     for (size_t i = 1; i < observations_.size(); ++i) {
-      if (!before(observations_[i - 1], observations_[i])) return About("an observation of point", observations_[i]->point, "is in the delta twice");
+      if (!before(observations_[i - 1], observations_[i]))
+        return About("an observation of point", observations_[i]->point, "is in the delta twice");
     }
     return Ok{};
   }
 
   bool IsObservationInDelta(MapPointId point, KeyFrameId keyframe) const {
     const ObservationState wanted{point, keyframe, 0};
-    const auto found = std::lower_bound(observations_.begin(), observations_.end(), &wanted,
-                                        [](const ObservationState* a, const ObservationState* b) { return Before(*a, *b); });
+    const auto found =
+        std::lower_bound(observations_.begin(), observations_.end(), &wanted,
+                         [](const ObservationState* a, const ObservationState* b) { return Before(*a, *b); });
     return found != observations_.end() && (*found)->point == point && (*found)->keyframe == keyframe;
   }
 
@@ -195,13 +206,15 @@ class DeltaChecker {
       const KeyFrame* known = map_.FindKeyFrame(o->keyframe);
       const size_t num_features = known != nullptr ? known->landmarks.size() : new_keyframes_.at(o->keyframe);
       if (o->feature < -1 || o->feature >= static_cast<int64_t>(num_features)) {
-        return Error{"feature " + std::to_string(o->feature) + " of keyframe " + ToString(o->keyframe) + " is out of range"};
+        return Error{"feature " + std::to_string(o->feature) + " of keyframe " + ToString(o->keyframe) +
+                     " is out of range"};
       }
       const MapPoint* point = map_.FindPoint(o->point);
       const bool was_seen = point != nullptr && point->FindObservation(o->keyframe) != nullptr;
       if (was_seen != (o->feature >= 0)) gains_.emplace_back(o->point, was_seen ? -1 : 1);
       if (o->feature >= 0 && !ClaimFeature(*o, known, num_features)) {
-        return Error{"feature " + std::to_string(o->feature) + " of keyframe " + ToString(o->keyframe) + " is another landmark's"};
+        return Error{"feature " + std::to_string(o->feature) + " of keyframe " + ToString(o->keyframe) +
+                     " is another landmark's"};
       }
     }
     return Ok{};
@@ -245,15 +258,15 @@ class DeltaChecker {
   const Map& map_;
   const MapDelta& delta_;
   const Map::FindData& find_data_;
-  std::unordered_map<MapPointId, size_t> removed_points_;        // place in the delta's list
-  std::unordered_map<KeyFrameId, size_t> removed_keyframes_;     // the same
-  std::unordered_map<KeyFrameId, size_t> new_keyframes_;         // number of features
+  std::unordered_map<MapPointId, size_t> removed_points_;     // place in the delta's list
+  std::unordered_map<KeyFrameId, size_t> removed_keyframes_;  // the same
+  std::unordered_map<KeyFrameId, size_t> new_keyframes_;      // number of features
   std::unordered_set<MapPointId> new_points_;
-  std::unordered_map<KeyFrameId, KeyFrameId> parents_;           // of the delta's keyframes
+  std::unordered_map<KeyFrameId, KeyFrameId> parents_;  // of the delta's keyframes
   bool known_parents_change_ = false;
-  std::vector<const ObservationState*> observations_;            // by point, then keyframe
-  std::unordered_map<KeyFrameId, std::vector<bool>> claimed_;    // features that the delta's observations take
-  std::vector<std::pair<MapPointId, int>> gains_;                // of observations, by point
+  std::vector<const ObservationState*> observations_;          // by point, then keyframe
+  std::unordered_map<KeyFrameId, std::vector<bool>> claimed_;  // features that the delta's observations take
+  std::vector<std::pair<MapPointId, int>> gains_;              // of observations, by point
 };
 
 }  // namespace

@@ -41,7 +41,8 @@ class ContradictionTest : public ::testing::Test {
     return {};
   }
   MapDelta::KeyFrameState StateOf(KeyFrameId id) {
-    return {id, map_.keyframe(id).camera_from_map, map_.keyframe(id).parent, static_cast<uint32_t>(RandomEdits::kFeatures)};
+    return {id, map_.keyframe(id).camera_from_map, map_.keyframe(id).parent,
+            static_cast<uint32_t>(RandomEdits::kFeatures)};
   }
   uint32_t FreeFeature(KeyFrameId id) {
     for (uint32_t i = 0;; ++i) {
@@ -153,7 +154,8 @@ TEST_F(ContradictionTest, NewKeyFramesMayNotHangOnEachOther) {
   std::vector<std::shared_ptr<const KeyFrameData>> data;
   for (uint32_t i = 0; i < 2; ++i) {
     data.push_back(RandomEdits::MakeData(KeyFrameId(0, 1, 7000 + i), &random));
-    delta_.keyframes.push_back({data[i]->id, Rigid3d(), KeyFrameId(0, 1, 7001 - i), static_cast<uint32_t>(RandomEdits::kFeatures)});
+    delta_.keyframes.push_back(
+        {data[i]->id, Rigid3d(), KeyFrameId(0, 1, 7001 - i), static_cast<uint32_t>(RandomEdits::kFeatures)});
   }
   const auto find_data = [&](KeyFrameId id) { return data[id.sequence() - 7000]; };
   EXPECT_FALSE(map_.Apply(delta_, find_data).ok());
@@ -170,7 +172,8 @@ TEST_F(ContradictionTest, PointsNeedTwoKeyFrames) {
   ExpectRefused("fewer than two");
   delta_ = clean;
   const MapPointId thinned = edits_.SomePoint();
-  for (const Observation& o : map_.point(thinned).observations) delta_.observations.push_back({thinned, o.keyframe, -1});
+  for (const Observation& o : map_.point(thinned).observations)
+    delta_.observations.push_back({thinned, o.keyframe, -1});
   delta_.observations.pop_back();
   ExpectRefused("fewer than two");
   delta_.removed_points = {{thinned, {}}};
@@ -265,28 +268,60 @@ TEST(DeltaCheck, RefusesEveryBrokenDelta) {
 /// Spoils a delta in one place or a few, with ids that exist here or there, repeated elements, wild numbers.
 void Spoil(RandomEdits* edits, MapDelta* delta) {
   Random& random = *edits->random();
-  const auto pick = [&](auto& list) -> auto& { return list[random.Below(list.size())]; };
-  const auto any_point = [&] { return random.Below(6) == 0 ? MapPointId(0, 1, static_cast<uint32_t>(random.Below(400))) : edits->SomePoint(); };
+  const auto pick = [&](auto& list) -> auto& {
+    return list[random.Below(list.size())];
+  };
+  const auto any_point = [&] {
+    return random.Below(6) == 0 ? MapPointId(0, 1, static_cast<uint32_t>(random.Below(400))) : edits->SomePoint();
+  };
   const auto any_keyframe = [&] {
     return random.Below(6) == 0 ? KeyFrameId(0, 1, static_cast<uint32_t>(random.Below(80))) : edits->SomeKeyFrame();
   };
   const double wild[] = {std::nan(""), std::numeric_limits<double>::infinity(), 1e300, -1e30, 0};
   switch (random.Below(13)) {
-    case 0: delta->removed_points.push_back({any_point(), random.Below(2) == 0 ? any_point() : MapPointId()}); break;
-    case 1: delta->removed_keyframes.push_back({any_keyframe(), any_keyframe(), edits->SomePose()}); break;
-    case 2: delta->observations.push_back({any_point(), any_keyframe(), static_cast<int32_t>(random.Below(34)) - 2}); break;
-    case 3: delta->points.push_back({any_point(), edits->SomePosition()}); break;
-    case 4:
-      delta->keyframes.push_back({any_keyframe(), edits->SomePose(), any_keyframe(), static_cast<uint32_t>(RandomEdits::kFeatures)});
+    case 0:
+      delta->removed_points.push_back({any_point(), random.Below(2) == 0 ? any_point() : MapPointId()});
       break;
-    case 5: if (!delta->observations.empty()) pick(delta->observations).feature = static_cast<int32_t>(random.Below(34)) - 2; break;
-    case 6: if (!delta->observations.empty()) pick(delta->observations).point = any_point(); break;
-    case 7: if (!delta->observations.empty()) pick(delta->observations).keyframe = any_keyframe(); break;
-    case 8: if (!delta->keyframes.empty()) pick(delta->keyframes).parent = random.Below(4) == 0 ? KeyFrameId() : any_keyframe(); break;
-    case 9: if (!delta->keyframes.empty()) pick(delta->keyframes).camera_from_map.translation.y() = wild[random.Below(5)]; break;
-    case 10: if (!delta->points.empty()) pick(delta->points).position_in_map.y() = static_cast<float>(wild[random.Below(5)]); break;
-    case 11: if (!delta->observations.empty()) delta->observations.erase(delta->observations.begin() + static_cast<ptrdiff_t>(random.Below(delta->observations.size()))); break;
-    case 12: if (!delta->keyframes.empty()) delta->keyframes.pop_back(); break;
+    case 1:
+      delta->removed_keyframes.push_back({any_keyframe(), any_keyframe(), edits->SomePose()});
+      break;
+    case 2:
+      delta->observations.push_back({any_point(), any_keyframe(), static_cast<int32_t>(random.Below(34)) - 2});
+      break;
+    case 3:
+      delta->points.push_back({any_point(), edits->SomePosition()});
+      break;
+    case 4:
+      delta->keyframes.push_back(
+          {any_keyframe(), edits->SomePose(), any_keyframe(), static_cast<uint32_t>(RandomEdits::kFeatures)});
+      break;
+    case 5:
+      if (!delta->observations.empty()) pick(delta->observations).feature = static_cast<int32_t>(random.Below(34)) - 2;
+      break;
+    case 6:
+      if (!delta->observations.empty()) pick(delta->observations).point = any_point();
+      break;
+    case 7:
+      if (!delta->observations.empty()) pick(delta->observations).keyframe = any_keyframe();
+      break;
+    case 8:
+      if (!delta->keyframes.empty())
+        pick(delta->keyframes).parent = random.Below(4) == 0 ? KeyFrameId() : any_keyframe();
+      break;
+    case 9:
+      if (!delta->keyframes.empty()) pick(delta->keyframes).camera_from_map.translation.y() = wild[random.Below(5)];
+      break;
+    case 10:
+      if (!delta->points.empty()) pick(delta->points).position_in_map.y() = static_cast<float>(wild[random.Below(5)]);
+      break;
+    case 11:
+      if (!delta->observations.empty())
+        delta->observations.erase(delta->observations.begin() +
+                                  static_cast<ptrdiff_t>(random.Below(delta->observations.size())));
+      break;
+    case 12:
+      if (!delta->keyframes.empty()) delta->keyframes.pop_back();
+      break;
   }
 }
 

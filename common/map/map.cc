@@ -50,8 +50,12 @@ const MapPoint& Map::point(MapPointId id) const {
   return *found;
 }
 
-KeyFrame& Map::MutableKeyFrame(KeyFrameId id) { return const_cast<KeyFrame&>(keyframe(id)); }
-MapPoint& Map::MutablePoint(MapPointId id) { return const_cast<MapPoint&>(point(id)); }
+KeyFrame& Map::MutableKeyFrame(KeyFrameId id) {
+  return const_cast<KeyFrame&>(keyframe(id));
+}
+MapPoint& Map::MutablePoint(MapPointId id) {
+  return const_cast<MapPoint&>(point(id));
+}
 
 void Map::AddKeyFrame(std::shared_ptr<const KeyFrameData> data, const Rigid3d& camera_from_map, KeyFrameId parent) {
   PORTOLAN_CHECK(data != nullptr && data->id.IsValid());
@@ -117,7 +121,9 @@ void Map::SetPosition(MapPointId id, const Eigen::Vector3f& position_in_map) {
   changes_.points.insert(id);
 }
 
-void Map::RemovePoint(MapPointId id) { ErasePoint(id, MapPointId()); }
+void Map::RemovePoint(MapPointId id) {
+  ErasePoint(id, MapPointId());
+}
 
 void Map::ErasePoint(MapPointId id, MapPointId replaced_by) {
   MapPoint& point = MutablePoint(id);
@@ -200,8 +206,9 @@ std::vector<std::pair<KeyFrameId, int>> Map::CovisibleKeyFrames(KeyFrameId id, i
   for (const auto& entry : neighbours->second) {
     if (entry.second >= min_common) result.push_back(entry);
   }
-  std::sort(result.begin(), result.end(),
-            [](const auto& a, const auto& b) { return a.second != b.second ? a.second > b.second : a.first < b.first; });
+  std::sort(result.begin(), result.end(), [](const auto& a, const auto& b) {
+    return a.second != b.second ? a.second > b.second : a.first < b.first;
+  });
   if (most > 0 && result.size() > most) result.resize(most);
   return result;
 }

@@ -18,8 +18,9 @@
 
 namespace portolan {
 
-/// A map: keyframes, landmarks and who sees what. Elements are values, links are ids. Changed by its owner through the methods below,
-/// which note what changed for TakeDelta(), or, as a replica, by Apply() alone. Not thread-safe: one thread owns it.
+/// A map: keyframes, landmarks and who sees what. Elements are values, links are ids. Changed by its owner through the
+/// methods below, which note what changed for TakeDelta(), or, as a replica, by Apply() alone. Not thread-safe: one
+/// thread owns it.
 ///
 ///   Map map(map_id);
 ///   map.AddKeyFrame(data, camera_from_map, parent);
@@ -51,13 +52,14 @@ class Map {
   void AddKeyFrame(std::shared_ptr<const KeyFrameData> data, const Rigid3d& camera_from_map, KeyFrameId parent);
   void SetPose(KeyFrameId id, const Rigid3d& camera_from_map);
   void SetParent(KeyFrameId id, KeyFrameId parent);
-  /// Removes it and its observations; points left with fewer than two observations go too. Children hang on its parent afterwards
-  /// (the first keyframe, which has none, can't be removed).
+  /// Removes it and its observations; points left with fewer than two observations go too. Children hang on its parent
+  /// afterwards (the first keyframe, which has none, can't be removed).
   void RemoveKeyFrame(KeyFrameId id);
   void AddPoint(MapPointId id, const Eigen::Vector3f& position_in_map);
   void SetPosition(MapPointId id, const Eigen::Vector3f& position_in_map);
   void RemovePoint(MapPointId id);
-  /// `from` disappears; its observations become those of `into` where neither the keyframe sees `into` nor the feature is taken.
+  /// `from` disappears; its observations become those of `into` where neither the keyframe sees `into` nor the feature
+  /// is taken.
   void MergePoints(MapPointId from, MapPointId into);
   /// No effect, and false, if the keyframe sees the point already or the feature is another landmark's.
   bool AddObservation(MapPointId point, KeyFrameId keyframe, uint32_t feature);
@@ -66,16 +68,19 @@ class Map {
   /// Recomputes the derived fields of points whose observations, position or observing poses changed since.
   void RefreshDerived();
 
-  /// All changes since the last call as a delta to the next revision, with derived fields refreshed. Empty (IsEmpty) if nothing changed: then the
-  /// revision stays. Changed points that fewer than two keyframes see are removed first: replicas refuse such points.
+  /// All changes since the last call as a delta to the next revision, with derived fields refreshed. Empty (IsEmpty) if
+  /// nothing changed: then the revision stays. Changed points that fewer than two keyframes see are removed first:
+  /// replicas refuse such points.
   MapDelta TakeDelta();
-  /// The whole map as a delta from revision 0 to the current one. Changes not taken yet are in it, and harmless when they come again.
+  /// The whole map as a delta from revision 0 to the current one. Changes not taken yet are in it, and harmless when
+  /// they come again.
   MapDelta Snapshot() const;
 
   /// Finds the data of a keyframe that a delta brings in; null if it isn't there.
   using FindData = std::function<std::shared_ptr<const KeyFrameData>(KeyFrameId)>;
-  /// Applies an owner's delta: all of it, or nothing when it fails, with the reason: wrong map, wrong base revision, an older epoch or (unless it is a
-  /// snapshot) a newer one, missing keyframe data, or what CheckDelta (delta_check.h) finds. A valid map stays valid, whatever comes.
+  /// Applies an owner's delta: all of it, or nothing when it fails, with the reason: wrong map, wrong base revision, an
+  /// older epoch or (unless it is a snapshot) a newer one, missing keyframe data, or what CheckDelta (delta_check.h)
+  /// finds. A valid map stays valid, whatever comes.
   Status Apply(const MapDelta& delta, const FindData& find_data);
 
   // Covisibility: keyframes that see common points, by number of common points (paper Sec. 4: the pose graph's weight).
@@ -117,12 +122,13 @@ class Map {
   std::map<KeyFrameId, KeyFrame> keyframes_;
   std::unordered_map<MapPointId, MapPoint> points_;
   std::unordered_map<KeyFrameId, std::unordered_map<KeyFrameId, int>> covisibility_;
-  std::vector<MapPointId> stale_points_;     // derived fields out of date; some may be gone
-  std::set<KeyFrameId> moved_keyframes_;     // what they see is stale too; some may be gone
+  std::vector<MapPointId> stale_points_;  // derived fields out of date; some may be gone
+  std::set<KeyFrameId> moved_keyframes_;  // what they see is stale too; some may be gone
   Changes changes_;
 };
 
-/// Hash over the map's state (poses, positions, observations, parents), independent of the order of insertion: equal for equal maps.
+/// Hash over the map's state (poses, positions, observations, parents), independent of the order of insertion: equal
+/// for equal maps.
 uint64_t HashMap(const Map& map);
 
 /// Every invariant that does not hold, in words; empty for a valid map. For tests and audits.

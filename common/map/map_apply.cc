@@ -13,7 +13,8 @@ namespace {
 constexpr size_t kMinObservations = 2;  // of a point: with fewer it has no position
 
 MapDelta::KeyFrameState StateOf(const KeyFrame& keyframe) {
-  return {keyframe.data->id, keyframe.camera_from_map, keyframe.parent, static_cast<uint32_t>(keyframe.landmarks.size())};
+  return {keyframe.data->id, keyframe.camera_from_map, keyframe.parent,
+          static_cast<uint32_t>(keyframe.landmarks.size())};
 }
 
 }  // namespace
@@ -67,16 +68,19 @@ MapDelta Map::Snapshot() const {
 
 Status Map::CheckOrigin(const MapDelta& delta) const {
   if (delta.map != id_) return Error{"delta of map " + ToString(delta.map) + " for map " + ToString(id_)};
-  const std::string of_epoch = "delta of epoch " + std::to_string(delta.epoch) + " for a map in epoch " + std::to_string(epoch_);
+  const std::string of_epoch =
+      "delta of epoch " + std::to_string(delta.epoch) + " for a map in epoch " + std::to_string(epoch_);
   if (delta.epoch < epoch_) return Error{of_epoch};
   if (delta.IsSnapshot()) return Ok{};
   // A new owner may go on from an older state than ours: equal revisions of two epochs need not be equal states.
   if (delta.epoch > epoch_) return Error{of_epoch + ": a snapshot must come first"};
   if (delta.base_revision != revision_) {
-    return Error{"delta from revision " + std::to_string(delta.base_revision) + " for a map at " + std::to_string(revision_)};
+    return Error{"delta from revision " + std::to_string(delta.base_revision) + " for a map at " +
+                 std::to_string(revision_)};
   }
   if (delta.revision <= delta.base_revision) {
-    return Error{"delta from revision " + std::to_string(delta.base_revision) + " back to " + std::to_string(delta.revision)};
+    return Error{"delta from revision " + std::to_string(delta.base_revision) + " back to " +
+                 std::to_string(delta.revision)};
   }
   return Ok{};
 }
@@ -106,7 +110,8 @@ void Map::ApplyChecked(const MapDelta& delta, const FindData& find_data) {
     MapPoint& point = points_[state.id];
     point.id = state.id;
     if (point.position_in_map != state.position_in_map) MarkStale(&point, kGeometryStale);
-    point.position_in_map = state.position_in_map;  // also where only the sign of a zero differs: replicas are equal to the bit
+    point.position_in_map =
+        state.position_in_map;  // also where only the sign of a zero differs: replicas are equal to the bit
   }
   ApplyObservations(delta);
   RefreshDerived();

@@ -39,7 +39,8 @@ TEST_P(FollowingTest, ReplicaEqualsOwnerAfterEachDelta) {
     ASSERT_EQ(replica.epoch(), kEpoch);
     ASSERT_THAT(ValidateMap(replica), IsEmpty());
   }
-  for (const auto& [a, keyframe] : owner_.keyframes()) EXPECT_EQ(owner_.CovisibleKeyFrames(a, 1), replica.CovisibleKeyFrames(a, 1));
+  for (const auto& [a, keyframe] : owner_.keyframes())
+    EXPECT_EQ(owner_.CovisibleKeyFrames(a, 1), replica.CovisibleKeyFrames(a, 1));
   for (const auto& [id, point] : owner_.points()) {
     EXPECT_EQ(point.descriptor, replica.point(id).descriptor);
     EXPECT_EQ(point.mean_viewing_direction, replica.point(id).mean_viewing_direction);
@@ -130,9 +131,12 @@ TEST_F(TakeDeltaTest, WhatCameAndWentLeavesOnlyItsRemoval) {
 TEST_F(TakeDeltaTest, PointsThatTooFewKeyFramesSeeAreNotPublished) {
   const MapPointId lonely(0, 1, 999), thinned = edits_.SomePoint();
   owner_.AddPoint(lonely, {0, 0, 4});
-  while (owner_.point(thinned).observations.size() > 1) owner_.RemoveObservation(thinned, owner_.point(thinned).observations[0].keyframe);
-  EXPECT_TRUE(std::none_of(owner_.Snapshot().points.begin(), owner_.Snapshot().points.end(),
-                           [&](const MapDelta::PointState& state) { return state.id == lonely || state.id == thinned; }));
+  while (owner_.point(thinned).observations.size() > 1)
+    owner_.RemoveObservation(thinned, owner_.point(thinned).observations[0].keyframe);
+  const MapDelta snapshot = owner_.Snapshot();
+  EXPECT_TRUE(std::none_of(snapshot.points.begin(), snapshot.points.end(), [&](const MapDelta::PointState& state) {
+    return state.id == lonely || state.id == thinned;
+  }));
   static_cast<void>(owner_.TakeDelta());
   EXPECT_EQ(owner_.FindPoint(lonely), nullptr);
   EXPECT_EQ(owner_.FindPoint(thinned), nullptr);

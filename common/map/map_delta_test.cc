@@ -11,7 +11,8 @@ namespace portolan {
 namespace {
 
 size_t CountElements(const MapDelta& d) {
-  return d.removed_points.size() + d.removed_keyframes.size() + d.keyframes.size() + d.points.size() + d.observations.size();
+  return d.removed_points.size() + d.removed_keyframes.size() + d.keyframes.size() + d.points.size() +
+         d.observations.size();
 }
 
 /// A delta with something in each of its lists, and the data it needs.
@@ -107,7 +108,7 @@ TEST(DeltaAssembler, KeepsABoundedNumberOfUnfinishedDeltas) {
   DeltaAssembler assembler;
   for (Revision revision = 1; revision <= 20; ++revision) EXPECT_TRUE(assembler.Add(ChunkOf(revision, 0, 2)).empty());
   EXPECT_EQ(assembler.dropped(), 12u);
-  EXPECT_TRUE(assembler.Add(ChunkOf(5, 1, 2)).empty());   // its first half is gone
+  EXPECT_TRUE(assembler.Add(ChunkOf(5, 1, 2)).empty());    // its first half is gone
   EXPECT_EQ(assembler.Add(ChunkOf(20, 1, 2)).size(), 1u);  // the newest are there
 }
 

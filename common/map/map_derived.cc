@@ -1,4 +1,5 @@
-// What a map derives from observations, positions and poses: viewing directions, distances and descriptors of its points.
+// What a map derives from observations, positions and poses: viewing directions, distances and descriptors of its
+// points.
 
 #include <algorithm>
 #include <array>
@@ -12,7 +13,8 @@
 namespace portolan {
 namespace {
 
-/// Observations whose descriptors are compared for the most typical one: time grows with the square, and more tell little more.
+/// Observations whose descriptors are compared for the most typical one: time grows with the square, and more tell
+/// little more.
 constexpr size_t kMostCompared = 16;
 
 /// A keyframe as RefreshDerived needs it, point after point.
@@ -43,7 +45,8 @@ void RefreshGeometry(const Map& map, Views* views, MapPoint* point) {
     const Eigen::Vector3f ray = point->position_in_map - view.centre_in_map;
     const float distance = ray.norm();
     if (distance > 0) direction_sum += ray / distance;
-    // A feature of level l seen at distance d would be at level 0 from d * factor^l and at the top level from d * factor^(l - top).
+    // A feature of level l seen at distance d would be at level 0 from d * factor^l and at the top level from d *
+    // factor^(l - top).
     const float at_level_0 = distance * view.scales[view.features->octaves[o.feature]];
     farthest = std::max(farthest, at_level_0);
     nearest = std::min(nearest, at_level_0 / view.scales.back());
@@ -58,7 +61,8 @@ void RefreshGeometry(const Map& map, Views* views, MapPoint* point) {
 size_t MostTypical(const std::array<const Descriptor*, kMostCompared>& descriptors, size_t count) {
   std::array<std::array<int, kMostCompared>, kMostCompared> distances{};
   for (size_t i = 0; i < count; ++i) {
-    for (size_t j = i + 1; j < count; ++j) distances[i][j] = distances[j][i] = HammingDistance(*descriptors[i], *descriptors[j]);
+    for (size_t j = i + 1; j < count; ++j)
+      distances[i][j] = distances[j][i] = HammingDistance(*descriptors[i], *descriptors[j]);
   }
   size_t best = 0;
   int best_median = std::numeric_limits<int>::max();

@@ -27,7 +27,7 @@ struct MapPoint {
 
   // Derived from the observations by Map::RefreshDerived; not sent.
   Eigen::Vector3f mean_viewing_direction = Eigen::Vector3f::Zero();  ///< unit, from the cameras to the point
-  float min_distance = 0;   ///< to a camera in which its features could still be detected, map units
+  float min_distance = 0;  ///< to a camera in which its features could still be detected, map units
   float max_distance = 0;
   Descriptor descriptor{};  ///< of the observation with the least median distance to the others
   uint8_t stale = 0;        ///< Map's own: which of these are out of date

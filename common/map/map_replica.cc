@@ -7,8 +7,8 @@
 namespace portolan {
 namespace {
 
-/// What of a map's keyframes a snapshot no longer has, as the deltas that were missed would have told: what hangs on one of them passes to the
-/// nearest keyframe above it that stays.
+/// What of a map's keyframes a snapshot no longer has, as the deltas that were missed would have told: what hangs on
+/// one of them passes to the nearest keyframe above it that stays.
 std::vector<MapDelta::RemovedKeyFrame> FindVanished(const Map& before, const MapDelta& snapshot) {
   std::unordered_set<KeyFrameId> staying;
   for (const auto& state : snapshot.keyframes) staying.insert(state.id);
@@ -51,9 +51,10 @@ void MapReplica::AddDelta(MapDelta delta) {
     needs_snapshot_ = true;
   }
   // Ordered by revision, so that what was overtaken on the way falls into place.
-  const auto after = std::upper_bound(waiting_.begin(), waiting_.end(), delta, [](const MapDelta& a, const MapDelta& b) {
-    return std::make_pair(a.epoch, a.revision) < std::make_pair(b.epoch, b.revision);
-  });
+  const auto after =
+      std::upper_bound(waiting_.begin(), waiting_.end(), delta, [](const MapDelta& a, const MapDelta& b) {
+        return std::make_pair(a.epoch, a.revision) < std::make_pair(b.epoch, b.revision);
+      });
   waiting_.insert(after, std::move(delta));
 }
 

@@ -14,14 +14,14 @@ namespace portolan {
 /// Asks a map's owner for its whole state.
 struct SnapshotRequest {
   MapId map;
-  Revision have_revision = 0;  ///< what the asker holds
+  Revision have_revision = 0;              ///< what the asker holds
   std::vector<KeyFrameId> have_keyframes;  ///< keyframe data that need not be sent again
   ProcessId asker;
 };
 
-/// A copy of one map that follows its owner's deltas. Deltas and keyframe data may come in any order and more than once. On a gap, a wrong
-/// base, a new epoch with another history or data that does not come, it asks for a snapshot. Deltas of an older epoch are ignored and counted.
-/// Not thread-safe: its owner feeds it at safe points.
+/// A copy of one map that follows its owner's deltas. Deltas and keyframe data may come in any order and more than
+/// once. On a gap, a wrong base, a new epoch with another history or data that does not come, it asks for a snapshot.
+/// Deltas of an older epoch are ignored and counted. Not thread-safe: its owner feeds it at safe points.
 class MapReplica {
  public:
   explicit MapReplica(MapId id) : map_(id) {}
@@ -37,12 +37,12 @@ class MapReplica {
 
   /// Queues a delta (bounded; see kMaxWaiting).
   void AddDelta(MapDelta delta);
-  /// Applies what can be applied now. @return the deltas applied, in order: for what hangs on the map (tracker's matches, anchors). A snapshot
-  /// lists as removed the keyframes that the replica had and it has not.
+  /// Applies what can be applied now. @return the deltas applied, in order: for what hangs on the map (tracker's
+  /// matches, anchors). A snapshot lists as removed the keyframes that the replica had and it has not.
   std::vector<MapDelta> ApplyPending();
 
-  /// True while a delta waits that does not fit. Keyframe data often follows its delta by a moment: the caller sends MakeRequest() when this
-  /// has held for a while (kPatienceMs), and not more often than that.
+  /// True while a delta waits that does not fit. Keyframe data often follows its delta by a moment: the caller sends
+  /// MakeRequest() when this has held for a while (kPatienceMs), and not more often than that.
   static constexpr int kPatienceMs = 300;
   bool NeedsSnapshot() const { return needs_snapshot_; }
   SnapshotRequest MakeRequest(ProcessId asker) const;

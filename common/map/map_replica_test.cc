@@ -158,7 +158,8 @@ TEST_F(ReplicaTest, SnapshotTellsWhatVanished) {
   EXPECT_EQ(applied[0].removed_keyframes.size(), vanished);
   for (const auto& removed : applied[0].removed_keyframes) {
     EXPECT_NE(owner_.FindKeyFrame(removed.anchor), nullptr);
-    const Rigid3d expected = before.keyframe(removed.id).camera_from_map * before.keyframe(removed.anchor).camera_from_map.Inverse();
+    const Rigid3d expected =
+        before.keyframe(removed.id).camera_from_map * before.keyframe(removed.anchor).camera_from_map.Inverse();
     EXPECT_LT((removed.removed_from_anchor.translation - expected.translation).norm(), 1e-12);
     EXPECT_EQ(replica_.FindKeyFrameData(removed.id), nullptr);
   }

@@ -37,7 +37,8 @@ void ExpectCovisibilityIsExact(const Map& map) {
       ASSERT_EQ(map.Covisibility(a, b), expected) << a << " and " << b;
       if (expected > 0) neighbours.emplace_back(b, expected);
     }
-    std::stable_sort(neighbours.begin(), neighbours.end(), [](const auto& x, const auto& y) { return x.second > y.second; });
+    std::stable_sort(neighbours.begin(), neighbours.end(),
+                     [](const auto& x, const auto& y) { return x.second > y.second; });
     ASSERT_EQ(map.CovisibleKeyFrames(a, 1), neighbours);
   }
 }
@@ -94,7 +95,8 @@ class SmallMapTest : public ::testing::Test {
   MapPointId AddPoint(uint32_t number, const std::vector<std::pair<int, uint32_t>>& seen_by) {
     const MapPointId id(0, 1, number);
     map_.AddPoint(id, {0, 0, 4});
-    for (const auto& [keyframe, feature] : seen_by) EXPECT_TRUE(map_.AddObservation(id, ids_[static_cast<size_t>(keyframe)], feature));
+    for (const auto& [keyframe, feature] : seen_by)
+      EXPECT_TRUE(map_.AddObservation(id, ids_[static_cast<size_t>(keyframe)], feature));
     return id;
   }
 
@@ -140,7 +142,8 @@ TEST(MapDescriptor, IsTheOneInTheMiddleOfTheOthers) {
     data.features.octaves = {0};
     data.features.angles_rad = {0};
     data.features.descriptors.resize(1);
-    for (int bit = 0; bit < bits[i]; ++bit) data.features.descriptors[0][static_cast<size_t>(bit / 64)] |= uint64_t{1} << (bit % 64);
+    for (int bit = 0; bit < bits[i]; ++bit)
+      data.features.descriptors[0][static_cast<size_t>(bit / 64)] |= uint64_t{1} << (bit % 64);
     map.AddKeyFrame(MakeKeyFrameData(data, nullptr), Rigid3d(), i > 0 ? KeyFrameId(0, 1, i) : KeyFrameId());
     ASSERT_TRUE(map.AddObservation(MapPointId(0, 1, 1), data.id, 0));
   }

@@ -10,11 +10,22 @@
 
 namespace portolan {
 
-/// Changes a map at random, one valid change at a time, as an owner would: for tests of properties that hold after any sequence of changes.
-/// Deterministic for a seed.
+/// Changes a map at random, one valid change at a time, as an owner would: for tests of properties that hold after any
+/// sequence of changes. Deterministic for a seed.
 class RandomEdits {
  public:
-  enum Kind { kAddKeyFrame, kAddPoint, kAddObservation, kRemoveObservation, kMovePoint, kMoveKeyFrame, kMerge, kRemovePoint, kRemoveKeyFrame, kHang };
+  enum Kind {
+    kAddKeyFrame,
+    kAddPoint,
+    kAddObservation,
+    kRemoveObservation,
+    kMovePoint,
+    kMoveKeyFrame,
+    kMerge,
+    kRemovePoint,
+    kRemoveKeyFrame,
+    kHang
+  };
   static constexpr int kNumKinds = 10;
 
   /// Begins the map with two keyframes and a few points.
@@ -32,18 +43,28 @@ class RandomEdits {
 
   void Edit(Kind kind) {
     switch (kind) {
-      case kAddKeyFrame: return AddKeyFrame();
+      case kAddKeyFrame:
+        return AddKeyFrame();
       case kAddPoint:  // several: most other edits take points away
         for (int i = 0; i < 5; ++i) AddPoint();
         return;
-      case kAddObservation: map_.AddObservation(SomePoint(), SomeKeyFrame(), SomeFeature()); return;
-      case kRemoveObservation: return RemoveObservation();
-      case kMovePoint: return map_.SetPosition(SomePoint(), SomePosition());
-      case kMoveKeyFrame: return map_.SetPose(SomeKeyFrame(), SomePose());
-      case kMerge: return Merge();
-      case kRemovePoint: return map_.points().size() > kEnough ? map_.RemovePoint(SomePoint()) : AddPoint();
-      case kRemoveKeyFrame: return RemoveKeyFrame();
-      case kHang: return Hang();
+      case kAddObservation:
+        map_.AddObservation(SomePoint(), SomeKeyFrame(), SomeFeature());
+        return;
+      case kRemoveObservation:
+        return RemoveObservation();
+      case kMovePoint:
+        return map_.SetPosition(SomePoint(), SomePosition());
+      case kMoveKeyFrame:
+        return map_.SetPose(SomeKeyFrame(), SomePose());
+      case kMerge:
+        return Merge();
+      case kRemovePoint:
+        return map_.points().size() > kEnough ? map_.RemovePoint(SomePoint()) : AddPoint();
+      case kRemoveKeyFrame:
+        return RemoveKeyFrame();
+      case kHang:
+        return Hang();
     }
   }
 

@@ -2,10 +2,7 @@
 
 #include <sys/resource.h>
 
-#include <cerrno>
-#include <cstdio>
-#include <cstring>
-#include <fstream>
+#include "base/atomic_file.h"
 
 namespace portolan {
 
@@ -43,12 +40,7 @@ nlohmann::json MakeReport(const ProcessOptions& options, const std::string& prio
 Status WriteReport(const ProcessOptions& options, const nlohmann::json& report) {
   if (options.out.empty()) return Ok{};
   const std::string path = options.out + "/" + options.role + ".json";
-  const std::string unfinished = path + ".part";
-  std::ofstream file(unfinished);
-  file << report.dump(2) << '\n';
-  file.close();
-  if (!file || std::rename(unfinished.c_str(), path.c_str()) != 0) return Error{"'" + path + "' can't be written: " + std::strerror(errno)};
-  return Ok{};
+  return WriteFileAtomically(path, report.dump(2) + "\n");
 }
 
 }  // namespace portolan

@@ -1,0 +1,90 @@
+#include "process/process_setup.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+#include "dataset/temp_folder.h"
+
+namespace portolan {
+namespace {
+
+using ::testing::HasSubstr;
+
+ProcessSetup Make(std::vector<std::string> arguments, std::string role = "backend_mapper") {
+  arguments.insert(arguments.begin(), "portolan");
+  std::vector<char*> argv;
+  for (std::string& argument : arguments) argv.push_back(argument.data());
+  return ProcessSetup::Make(role, "test", static_cast<int>(argv.size()), argv.data(), nullptr, [](ConfigReader*) { return Status(Ok{}); });
+}
+
+/// What a failed start says.
+std::string Complaint(const std::vector<std::string>& arguments) {
+  ::testing::internal::CaptureStderr();
+  const ProcessSetup setup = Make(arguments);
+  EXPECT_EQ(setup.exit_code, kExitBadInput);
+  return ::testing::internal::GetCapturedStderr();
+}
+
+TEST(ProcessSetup, HasSaneDefaults) {
+  const ProcessSetup setup = Make({});
+  ASSERT_FALSE(setup.exit_code);
+  EXPECT_EQ(setup.options.robot, 0);
+  EXPECT_EQ(setup.options.bus.vendor, DdsVendor::kFastDds);
+  EXPECT_EQ(setup.options.bus.partition, "robot_0");
+  EXPECT_TRUE(setup.process.IsValid());
+}
+
+TEST(ProcessSetup, FlagsAndSetAreTheSame) {
+  const ProcessSetup by_flag = Make({"--dds", "cyclonedds", "--domain", "7", "--robot", "3"});
+  const ProcessSetup by_set = Make({"--set", "dds.vendor=cyclonedds", "--set", "dds.domain=7", "--set", "robot=3"});
+  for (const ProcessSetup* setup : {&by_flag, &by_set}) {
+    ASSERT_FALSE(setup->exit_code);
+    EXPECT_EQ(setup->options.bus.vendor, DdsVendor::kCycloneDds);
+    EXPECT_EQ(setup->options.bus.domain, 7);
+    EXPECT_EQ(setup->options.robot, 3);
+    EXPECT_EQ(setup->options.bus.partition, "robot_3");
+  }
+}
+
+TEST(ProcessSetup, PrioritiesFollowThePapersOrder) {
+  int last = -21;
+  for (const char* role : {"frontend_tracker", "backend_mapper", "loop_closer", "atlas_server"}) {
+    const ProcessSetup setup = Make({}, role);
+    EXPECT_GT(setup.options.priority.nice, last) << role;
+    last = setup.options.priority.nice;
+  }
+}
+
+TEST(ProcessSetup, TwoProcessesDrawDifferentSessions) { EXPECT_NE(Make({}).session, Make({}).session); }
+
+TEST(ProcessSetup, HelpEndsWithSuccess) {
+  ::testing::internal::CaptureStdout();
+  EXPECT_EQ(Make({"--help"}).exit_code, kExitOk);
+  EXPECT_THAT(::testing::internal::GetCapturedStdout(), HasSubstr("--config"));
+}
+
+TEST(ProcessSetup, NamesWhatIsWrong) {
+  EXPECT_THAT(Complaint({"--dds", "rti"}), HasSubstr("rti"));
+  EXPECT_THAT(Complaint({"--domain", "999"}), HasSubstr("999"));
+  EXPECT_THAT(Complaint({"--config", "/no/such.yaml"}), HasSubstr("/no/such.yaml"));
+  EXPECT_THAT(Complaint({"--set", "dds.vendr=fastdds"}), HasSubstr("dds.vendr"));
+  EXPECT_THAT(Complaint({"--log-level", "loud"}), HasSubstr("loud"));
+  EXPECT_THAT(Complaint({"--out", "/proc/no/place"}), HasSubstr("/proc/no/place"));
+}
+
+TEST(ProcessSetup, UnknownKeyInTheFileNamesItsLine) {
+  const TempFolder folder;
+  const std::string path = folder.path() + "/run.yaml";
+  std::ofstream(path) << "robot: 1\ndds:\n  vendr: fastdds\n";
+  EXPECT_THAT(Complaint({"--config", path}), HasSubstr(path + ":3"));
+}
+
+TEST(ProcessSetup, SectionsOfOtherRolesArePassedOver) {
+  EXPECT_FALSE(Make({"--set", "tracker.use_esm=false"}).exit_code);
+  EXPECT_FALSE(Make({"--set", "atlas.store=x.db"}).exit_code);
+}
+
+}  // namespace
+}  // namespace portolan

@@ -48,6 +48,8 @@ class Writer {
   /// False (and counted) when DDS did not take it.
   virtual bool Write(const T& message) = 0;
   virtual int MatchedReaders() const = 0;
+  /// Says that the writer's thread is alive, without a message. A writer that already counts as dead comes back with its next Write: Cyclone DDS
+  /// readers don't take an assertion for it.
   virtual void AssertLiveliness() = 0;
   /// Waits until every matched reader has acknowledged everything, or the time is over.
   virtual bool WaitForAcknowledgments(double seconds) = 0;

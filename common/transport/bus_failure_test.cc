@@ -30,7 +30,7 @@ TEST_P(BusFailureTest, AWriterThatStopsAssertingIsNoticedAndSoIsItsReturn) {
   EXPECT_EQ(reader->AliveWriters(), 0);
   EXPECT_EQ(reader->MatchedWriters(), 1);
   const size_t before = alive.values().size();
-  writer->AssertLiveliness();
+  writer->Write(RandomProcessStatus(&random_));  // its next status
   ASSERT_TRUE(alive.WaitFor(before + 1));
   EXPECT_EQ(alive.values()[before], 1);
 }
@@ -73,11 +73,7 @@ TEST_P(BusFailureTest, OneDeadWriterOfTwoIsNoticed) {
 class RawWriting {
  public:
   explicit RawWriting(DdsVendor vendor, const RawTopic& topic) {
-    BusOptions options;
-    options.vendor = vendor;
-    options.domain = TestDomain();
-    options.partition = "test";
-    bus_ = MakeRawBus(options).value();
+    bus_ = MakeRawBus(TestOptions(vendor)).value();
     writer_ = bus_->CreateWriter(topic).value();
   }
   Status Write(SampleBytes bytes) { return writer_->Write(std::move(bytes)); }

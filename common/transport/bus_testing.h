@@ -19,14 +19,22 @@ constexpr std::chrono::seconds kTestDeadline(20);
 /// A domain that other tests and systems on this machine don't use (with a fair chance): by process id, 100 to 229.
 inline int TestDomain() { return 100 + static_cast<int>(getpid() % 130); }
 
-inline std::unique_ptr<Bus> MakeTestBus(DdsVendor vendor, const std::string& partition = "test") {
+inline BusOptions TestOptions(DdsVendor vendor, const std::string& partition = "test") {
   BusOptions options;
   options.vendor = vendor;
   options.domain = TestDomain();
   options.partition = partition;
+  return options;
+}
+
+inline std::unique_ptr<Bus> MakeTestBus(const BusOptions& options) {
   Result<std::unique_ptr<Bus>> bus = MakeBus(options);
   PORTOLAN_CHECK(bus.ok()) << bus.error().message;
   return std::move(bus).value();
+}
+
+inline std::unique_ptr<Bus> MakeTestBus(DdsVendor vendor, const std::string& partition = "test") {
+  return MakeTestBus(TestOptions(vendor, partition));
 }
 
 /// A place where a handler on a transport thread puts what a test waits for.

@@ -84,7 +84,9 @@ dds::DomainParticipantQos FastDdsParticipantQos(const BusOptions& options, const
 dds::DataWriterQos FastDdsWriterQos(const TopicQos& qos) {
   dds::DataWriterQos writer;
   SetCommon(qos, &writer);
-  writer.publish_mode().kind = dds::ASYNCHRONOUS_PUBLISH_MODE;  // large samples need it, and Write returns at once
+  // Asynchronous publishing deadlocks in 2.9.1 when a reader leaves while samples wait to be sent: discovery and the sending thread take the locks of
+  // writer and flow controller in opposite order (github.com/eProsima/Fast-DDS/pull/3468). It also costs a change of threads, 15 ms on a loaded machine.
+  writer.publish_mode().kind = dds::SYNCHRONOUS_PUBLISH_MODE;
   writer.reliable_writer_qos().times.heartbeatPeriod = FastDdsDuration(kHeartbeatPeriodS);
   return writer;
 }

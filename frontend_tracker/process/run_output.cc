@@ -1,10 +1,9 @@
 #include "process/run_output.h"
 
 #include <array>
-#include <cerrno>
-#include <cstdio>
-#include <cstring>
-#include <fstream>
+#include <sstream>
+
+#include "base/atomic_file.h"
 
 namespace portolan {
 namespace {
@@ -18,8 +17,7 @@ constexpr std::array<std::array<uint8_t, 3>, 6> kMapColours = {
 Status WritePly(const std::string& path, const RunTrajectories& trajectories, const std::map<MapId, MapReplica>& replicas) {
   size_t count = 0;
   for (const auto& [id, number] : trajectories.map_numbers) count += replicas.at(id).map().points().size();
-  const std::string unfinished = path + ".part";
-  std::ofstream file(unfinished, std::ios::binary);
+  std::ostringstream file;
   file << "ply\nformat binary_little_endian 1.0\nelement vertex " << count
        << "\nproperty float x\nproperty float y\nproperty float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n";
   for (const auto& [id, number] : trajectories.map_numbers) {
@@ -32,9 +30,7 @@ Status WritePly(const std::string& path, const RunTrajectories& trajectories, co
       file.write(reinterpret_cast<const char*>(colour.data()), 3);
     }
   }
-  file.close();
-  if (!file || std::rename(unfinished.c_str(), path.c_str()) != 0) return Error{"'" + path + "' can't be written: " + std::strerror(errno)};
-  return Ok{};
+  return WriteFileAtomically(path, file.str());
 }
 
 Status WriteRunOutput(const std::string& folder, const RunTrajectories& trajectories, const std::map<MapId, MapReplica>& replicas) {

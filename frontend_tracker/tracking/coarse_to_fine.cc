@@ -77,7 +77,7 @@ int OptimizeFramePose(const Map& map, Frame* frame) {
   const FeatureSet& features = frame->data->features;
   PoseMatches matches;
   std::vector<size_t> feature_of_match;
-  const std::vector<double> scales = frame->data->pyramid.Scales();
+  const std::vector<double> sigmas = frame->data->pyramid.Sigmas();
   for (size_t i = 0; i < frame->landmarks.size(); ++i) {
     if (!frame->landmarks[i].IsValid()) continue;
     const MapPoint* point = map.FindPoint(frame->landmarks[i]);
@@ -87,7 +87,7 @@ int OptimizeFramePose(const Map& map, Frame* frame) {
     }
     matches.landmarks_in_map.push_back(point->position_in_map.cast<double>());
     matches.pixels_px.push_back(features.pixels_px[i].cast<double>());
-    matches.sigmas_px.push_back(scales[features.octaves[i]]);
+    matches.sigmas_px.push_back(sigmas[features.octaves[i]]);
     feature_of_match.push_back(i);
   }
   const PoseOptimizationResult result = OptimizePose(frame->data->camera, matches, frame->camera_from_map);

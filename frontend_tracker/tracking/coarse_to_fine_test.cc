@@ -42,7 +42,9 @@ struct Setting {
   Rigid3d Prediction() const { return Rigid3d(ExpSO3({0.012, -0.015, 0.01}), {0.03, -0.02, 0.03}) * truth; }
 };
 
-double RotationError(const Frame& frame, const Setting& s) { return frame.camera_from_map.rotation.angularDistance(s.truth.rotation); }
+double RotationError(const Frame& frame, const Setting& s) {
+  return frame.camera_from_map.rotation.angularDistance(s.truth.rotation);
+}
 double CentreError(const Frame& frame, const Setting& s) {
   return (frame.camera_from_map.TargetOriginInSource() - s.truth.TargetOriginInSource()).norm();
 }
@@ -77,7 +79,8 @@ TEST(CoarseToFine, NoiseOutliersAndClutterLeaveThePoseWithinItsSigma) {
   EXPECT_GE(tracker.TrackCoarse(s.map, s.reference, s.Prediction(), 30, &frame), 40);
   const int fine = tracker.TrackFine(s.map, &frame);
   ASSERT_GT(fine, 150);
-  // Features of up to 0.5 * 1.2^7 = 1.8 px at f = 500: with 150 of them 3e-4 rad, and 5 units of depth times that; a factor 4 of safety.
+  // Features of up to 0.5 * 1.2^7 = 1.8 px at f = 500: with 150 of them 3e-4 rad, and 5 units of depth times that; a
+  // factor 4 of safety.
   EXPECT_LT(RotationError(frame, s), 1.2e-3);
   EXPECT_LT(CentreError(frame, s), 6e-3);
   EXPECT_LT(CountWrongLandmarks(s.scene, kFrameView, s.map, frame.landmarks), 0.03 * fine);
@@ -127,11 +130,13 @@ TEST(OptimizeFramePose, TakesOutliersAndVanishedLandmarksOut) {
   size_t third = second + 1;
   while (!frame.landmarks[third].IsValid()) ++third;
   frame.landmarks[third] = MapPointId(0, 9, 9);  // not in the map
-  const int before = static_cast<int>(std::count_if(frame.landmarks.begin(), frame.landmarks.end(), [](MapPointId id) { return id.IsValid(); }));
+  const int before = static_cast<int>(
+      std::count_if(frame.landmarks.begin(), frame.landmarks.end(), [](MapPointId id) { return id.IsValid(); }));
   const int inliers = OptimizeFramePose(s.map, &frame);
   EXPECT_EQ(frame.num_candidates, before - 1);
   EXPECT_EQ(inliers, before - 3);
-  EXPECT_FALSE(frame.landmarks[first].IsValid() || frame.landmarks[second].IsValid() || frame.landmarks[third].IsValid());
+  EXPECT_FALSE(frame.landmarks[first].IsValid() || frame.landmarks[second].IsValid() ||
+               frame.landmarks[third].IsValid());
   EXPECT_LT(RotationError(frame, s), 1e-5);
 }
 

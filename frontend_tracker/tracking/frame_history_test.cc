@@ -25,7 +25,8 @@ class FrameHistoryTest : public ::testing::Test {
     Frame frame;
     frame.number = number;
     frame.stamp = Timestamp::FromSeconds(static_cast<double>(number));
-    frame.camera_from_map = Rigid3d(ExpSO3({0.01, 0.02, 0}), {0.1, 0.2, 0.3}) * map_.keyframe(Id(reference)).camera_from_map;
+    frame.camera_from_map =
+        Rigid3d(ExpSO3({0.01, 0.02, 0}), {0.1, 0.2, 0.3}) * map_.keyframe(Id(reference)).camera_from_map;
     frame.reference = Id(reference);
     return frame;
   }

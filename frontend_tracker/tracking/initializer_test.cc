@@ -54,7 +54,8 @@ TEST(Initializer, ChoosesThePairAtTwentyPixels) {
     const auto true_matches = TrueMatches(scene.views[0], scene.views[view]);
     EXPECT_GT(pair->matches.size(), 0.8 * static_cast<double>(true_matches.size()));
     size_t right = 0;
-    for (const auto& match : pair->matches) right += std::count(true_matches.begin(), true_matches.end(), match) > 0 ? 1 : 0;
+    for (const auto& match : pair->matches)
+      right += std::count(true_matches.begin(), true_matches.end(), match) > 0 ? 1 : 0;
     EXPECT_GT(right, 0.95 * static_cast<double>(pair->matches.size()));
     return;
   }

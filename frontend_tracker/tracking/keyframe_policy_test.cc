@@ -84,7 +84,13 @@ TEST_F(KeyFramePolicyTest, ThresholdScalesWithItsFactor) {
 }
 
 TEST_F(KeyFramePolicyTest, ANewViewCountsWithoutDistance) {
+  EXPECT_FALSE(policy_.IsViewNew(map_, MakeFrame(0.5, 0.5)));  // landmarks that only two keyframes see don't count
+  SyntheticSceneOptions options = scene_.options;
+  options.num_views = 4;
+  scene_ = MakeSyntheticScene(options);
+  map_ = BuildMap(scene_);
   const Frame near_same = MakeFrame(0.5, 1.0), near_new = MakeFrame(0.5, 0.5);
+  EXPECT_FALSE(policy_.IsFarEnough(map_, near_new));
   EXPECT_EQ(policy_.Decide(map_, near_same, true), Decision::kNo);
   EXPECT_TRUE(policy_.IsViewNew(map_, near_new));
   EXPECT_EQ(policy_.Decide(map_, near_new, true), Decision::kInsert);

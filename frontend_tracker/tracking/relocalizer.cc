@@ -41,7 +41,7 @@ bool Relocalizer::TrackKeyFrame(const Map& map, KeyFrameId id, int min_inliers, 
   for (const FeatureMatch& match : matches) {
     landmarks_in_map.push_back(map.point(keyframe->landmarks[match.first]).position_in_map.cast<double>());
     pixels_px.push_back(frame->data->features.pixels_px[match.second].cast<double>());
-    sigmas_px.push_back(frame->data->pyramid.Scale(frame->data->features.octaves[match.second]));
+    sigmas_px.push_back(frame->data->pyramid.Sigma(frame->data->features.octaves[match.second]));
   }
   AbsolutePoseOptions pose_options;
   pose_options.seed = seed_;

@@ -10,7 +10,8 @@ namespace {
 
 constexpr size_t kLostView = 8;
 
-/// Two places of different landmarks, with words of a vocabulary trained on descriptors of both. The second place is the map.
+/// Two places of different landmarks, with words of a vocabulary trained on descriptors of both. The second place is
+/// the map.
 class RelocalizerTest : public ::testing::Test {
  protected:
   RelocalizerTest() {
@@ -53,7 +54,8 @@ TEST_F(RelocalizerTest, FindsThePlace) {
   Frame frame = FrameOfView(scene_, kLostView);
   ASSERT_TRUE(relocalizer_.Relocalize(map_, index_, &tracker_, &frame));
   const Rigid3d truth = scene_.views[kLostView].camera_from_world;
-  // As in tracking: half a pixel times the level's scale over f = 500, over the root of some hundred matches; a factor 4 of safety.
+  // As in tracking: half a pixel times the level's scale over f = 500, over the root of some hundred matches; a factor
+  // 4 of safety.
   EXPECT_LT(frame.camera_from_map.rotation.angularDistance(truth.rotation), 1.5e-3);
   EXPECT_LT((frame.camera_from_map.TargetOriginInSource() - truth.TargetOriginInSource()).norm(), 1e-2);
   EXPECT_GT(frame.num_inliers, 100);

@@ -11,8 +11,8 @@
 namespace portolan {
 namespace {
 
-constexpr int kMaxSide = 96;             // "less than 100 pixels in both x and y directions" (paper Sec. 3.1)
-constexpr double kBlurSigma = 1.5;       // of the small image: widens the basin to a few of its pixels
+constexpr int kMaxSide = 96;        // "less than 100 pixels in both x and y directions" (paper Sec. 3.1)
+constexpr double kBlurSigma = 1.5;  // of the small image: widens the basin to a few of its pixels
 constexpr int kIterations = 20;
 constexpr double kStepTolerance = 1e-3;  // small pixels
 constexpr double kMaxRms = 30.0;         // grey levels: beyond it the images show different things
@@ -59,7 +59,8 @@ void WarpRow(const cv::Mat& current, const PixelMap& map, int y, float* warped) 
   }
 }
 
-/// Sums over pixels of products of (gx, gy, g_angle, 1, error): all that a step needs, whatever the offset of brightness turns out to be.
+/// Sums over pixels of products of (gx, gy, g_angle, 1, error): all that a step needs, whatever the offset of
+/// brightness turns out to be.
 struct Moments {
   float xx = 0, xy = 0, xa = 0, yy = 0, ya = 0, aa = 0;  // J^T J
   float x = 0, y = 0, a = 0;                             // J^T 1
@@ -70,16 +71,19 @@ struct Moments {
 /// Row y, 1 to rows - 2. @param warped rows y - 1, y, y + 1 of the warped image.
 Moments AccumulateRow(const cv::Mat& reference, const std::array<const float*, 3>& warped, int y) {
   Moments sums;
-  const float cx = 0.5f * static_cast<float>(reference.cols - 1), dy = static_cast<float>(y) - 0.5f * static_cast<float>(reference.rows - 1);
+  const float cx = 0.5f * static_cast<float>(reference.cols - 1),
+              dy = static_cast<float>(y) - 0.5f * static_cast<float>(reference.rows - 1);
   const auto *above = reference.ptr<float>(y - 1), *row = reference.ptr<float>(y), *below = reference.ptr<float>(y + 1);
   for (int x = 1; x + 1 < reference.cols; ++x) {
     const float warped_gx = warped[1][x + 1] - warped[1][x - 1], warped_gy = warped[2][x] - warped[0][x];
     const float error = warped[1][x] - row[x];
     if (!(warped_gx + warped_gy + error == warped_gx + warped_gy + error)) continue;  // one of them is NaN: outside
-    // (J(e) + J(x_c)) / 2 of paper Eq. (3): mean gradient of template and warped image, times d(pixel) / d(tx, ty, angle).
+    // (J(e) + J(x_c)) / 2 of paper Eq. (3): mean gradient of template and warped image, times d(pixel) / d(tx, ty,
+    // angle).
     const float gx = 0.25f * (row[x + 1] - row[x - 1] + warped_gx), gy = 0.25f * (below[x] - above[x] + warped_gy);
     const float ga = gy * (static_cast<float>(x) - cx) - gx * dy;
-    sums.xx += gx * gx, sums.xy += gx * gy, sums.xa += gx * ga, sums.yy += gy * gy, sums.ya += gy * ga, sums.aa += ga * ga;
+    sums.xx += gx * gx, sums.xy += gx * gy, sums.xa += gx * ga, sums.yy += gy * gy, sums.ya += gy * ga,
+        sums.aa += ga * ga;
     sums.x += gx, sums.y += gy, sums.a += ga;
     sums.xe += gx * error, sums.ye += gy * error, sums.ae += ga * error, sums.e += error, sums.ee += error * error;
     ++sums.pixels;
@@ -87,7 +91,8 @@ Moments AccumulateRow(const cv::Mat& reference, const std::array<const float*, 3
   return sums;
 }
 
-/// Adds up the rows in double. The brightness of the overlap may differ (auto exposure): its mean difference is no motion and is taken off.
+/// Adds up the rows in double. The brightness of the overlap may differ (auto exposure): its mean difference is no
+/// motion and is taken off.
 NormalEquations Accumulate(const cv::Mat& reference, const cv::Mat& current, const ImageMotion& motion) {
   const PixelMap map(current, motion);
   const auto columns = static_cast<size_t>(reference.cols);
@@ -138,7 +143,8 @@ Eigen::Matrix<double, 2, 3> PixelByRotation(const PinholeCamera& camera, const E
 SmallImage RotationEstimator::Shrink(const cv::Mat& grey) {
   SmallImage small;
   small.scale = std::max(1.0, static_cast<double>(std::max(grey.cols, grey.rows)) / kMaxSide);
-  const cv::Size size(std::max(8, static_cast<int>(grey.cols / small.scale)), std::max(8, static_cast<int>(grey.rows / small.scale)));
+  const cv::Size size(std::max(8, static_cast<int>(grey.cols / small.scale)),
+                      std::max(8, static_cast<int>(grey.rows / small.scale)));
   cv::Mat reduced;
   cv::resize(grey, reduced, size, 0, 0, cv::INTER_AREA);
   reduced.convertTo(small.values, CV_32F);
@@ -184,19 +190,20 @@ Eigen::Quaterniond RotationEstimator::RotationFromImageMotion(const ImageMotion&
       const Eigen::Vector2d moved = centre + in_plane * (pixel - centre) + scale * motion.translation_px;
       const Eigen::Vector3d point = rotation * camera_.Unproject(pixel);
       if (point.z() <= 0) return Eigen::Quaterniond::Identity();
-      const Eigen::Vector2d error = moved - camera_.Project(point);       // paper Eq. (4)
+      const Eigen::Vector2d error = moved - camera_.Project(point);  // paper Eq. (4)
       const Eigen::Matrix<double, 2, 3> jacobian = PixelByRotation(camera_, point);
       hessian += jacobian.transpose() * jacobian;
       gradient += jacobian.transpose() * error;
     }
-    const Eigen::Vector3d step = hessian.ldlt().solve(gradient);          // paper Eq. (5)
+    const Eigen::Vector3d step = hessian.ldlt().solve(gradient);  // paper Eq. (5)
     rotation = (ExpSO3(step) * rotation).normalized();
     if (step.norm() < 1e-9) break;
   }
   return rotation;
 }
 
-ImageMotion RotationEstimator::ImageMotionFromRotation(const Eigen::Quaterniond& current_from_reference, double scale) const {
+ImageMotion RotationEstimator::ImageMotionFromRotation(const Eigen::Quaterniond& current_from_reference,
+                                                       double scale) const {
   // The rigid plane motion of the four centre points that fits their motion under the rotation best (2D Procrustes).
   const Eigen::Vector2d centre(0.5 * (camera_.width - 1), 0.5 * (camera_.height - 1));
   ImageMotion motion;
@@ -216,12 +223,13 @@ ImageMotion RotationEstimator::ImageMotionFromRotation(const Eigen::Quaterniond&
 }
 
 RotationEstimator::Estimate RotationEstimator::EstimateRotation(const SmallImage& reference, const SmallImage& current,
-                                                               const Eigen::Quaterniond& predicted) const {
+                                                                const Eigen::Quaterniond& predicted) const {
   if (reference.values.size() != current.values.size()) return {};
   ImageMotion motion = EstimateImageMotion(reference, current);
   const bool is_sure = motion.converged && motion.rms < kSureRms;
   if (!is_sure && predicted.angularDistance(Eigen::Quaterniond::Identity()) > 0.01) {
-    const ImageMotion other = EstimateImageMotion(reference, current, ImageMotionFromRotation(predicted, current.scale));
+    const ImageMotion other =
+        EstimateImageMotion(reference, current, ImageMotionFromRotation(predicted, current.scale));
     if (other.converged && (!motion.converged || other.rms < motion.rms)) motion = other;
   }
   if (!motion.converged) return {};

@@ -13,14 +13,16 @@ namespace {
 
 const PinholeCamera kCamera{450, 450, 319.5, 239.5, 640, 480};
 
-/// A sum of plane waves of wavelengths from 60 to 300 pixels: a texture that is known between pixels too. Grey levels about 128.
+/// A sum of plane waves of wavelengths from 60 to 300 pixels: a texture that is known between pixels too. Grey levels
+/// about 128.
 class Waves {
  public:
   explicit Waves(uint64_t seed) {
     Random random(seed);
     for (int i = 0; i < 20; ++i) {
       const double angle = random.Uniform(0, 2 * M_PI), length = random.Uniform(60, 300);
-      waves_.push_back({2 * M_PI / length * std::cos(angle), 2 * M_PI / length * std::sin(angle), random.Uniform(0, 2 * M_PI)});
+      waves_.push_back(
+          {2 * M_PI / length * std::cos(angle), 2 * M_PI / length * std::sin(angle), random.Uniform(0, 2 * M_PI)});
     }
   }
   double operator()(double x, double y) const {
@@ -50,7 +52,9 @@ cv::Mat PaintReference(const Waves& waves) {
 }
 /// The reference's scene from a camera turned on the spot: homography K R K^-1.
 cv::Mat PaintTurned(const Waves& waves, const Eigen::Quaterniond& current_from_reference) {
-  return Paint(waves, [&](const Eigen::Vector2d& p) { return kCamera.Project(current_from_reference.conjugate() * kCamera.Unproject(p)); });
+  return Paint(waves, [&](const Eigen::Vector2d& p) {
+    return kCamera.Project(current_from_reference.conjugate() * kCamera.Unproject(p));
+  });
 }
 
 struct PlaneCase {
@@ -76,8 +80,8 @@ TEST_P(ImageMotionTest, EsmRecoversAPlaneMotion) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Motions, ImageMotionTest,
-                         ::testing::Values(PlaneCase{0, 0, 0}, PlaneCase{10, -6, 0}, PlaneCase{0, 0, 4}, PlaneCase{-25, 14, -3},
-                                           PlaneCase{40, 0, 2}, PlaneCase{1.5, 0.7, 0.2}));
+                         ::testing::Values(PlaneCase{0, 0, 0}, PlaneCase{10, -6, 0}, PlaneCase{0, 0, 4},
+                                           PlaneCase{-25, 14, -3}, PlaneCase{40, 0, 2}, PlaneCase{1.5, 0.7, 0.2}));
 
 class TurnTest : public ::testing::TestWithParam<Eigen::Vector3d> {};
 
@@ -85,16 +89,19 @@ TEST_P(TurnTest, RecoversTheCamerasRotation) {
   const Waves waves(5);
   const Eigen::Quaterniond truth = ExpSO3(GetParam());
   const RotationEstimator estimator(kCamera);
-  const auto estimate = estimator.EstimateRotation(RotationEstimator::Shrink(PaintReference(waves)),
-                                                   RotationEstimator::Shrink(PaintTurned(waves, truth)), Eigen::Quaterniond::Identity());
+  const auto estimate =
+      estimator.EstimateRotation(RotationEstimator::Shrink(PaintReference(waves)),
+                                 RotationEstimator::Shrink(PaintTurned(waves, truth)), Eigen::Quaterniond::Identity());
   ASSERT_TRUE(estimate.ok);
-  // A plane motion is no homography: the error grows with the square of the turn. A tenth of a degree plus 4 % of the turn.
+  // A plane motion is no homography: the error grows with the square of the turn. A tenth of a degree plus 4 % of the
+  // turn.
   EXPECT_LT(estimate.current_from_reference.angularDistance(truth), 0.0017 + 0.04 * GetParam().norm());
 }
 
 INSTANTIATE_TEST_SUITE_P(Turns, TurnTest,
-                         ::testing::Values(Eigen::Vector3d(0, 0, 0), Eigen::Vector3d(0.03, 0, 0), Eigen::Vector3d(0, -0.04, 0),
-                                           Eigen::Vector3d(0, 0, 0.06), Eigen::Vector3d(0.02, 0.05, -0.03)));
+                         ::testing::Values(Eigen::Vector3d(0, 0, 0), Eigen::Vector3d(0.03, 0, 0),
+                                           Eigen::Vector3d(0, -0.04, 0), Eigen::Vector3d(0, 0, 0.06),
+                                           Eigen::Vector3d(0.02, 0.05, -0.03)));
 
 TEST(RotationEstimator, ToleratesAnExposureOffset) {
   const Waves waves(6);
@@ -131,7 +138,10 @@ TEST(RotationEstimator, ImagesOfDifferentThingsGiveNothing) {
   }
   cv::bitwise_not(a, b);
   const RotationEstimator estimator(kCamera);
-  EXPECT_FALSE(estimator.EstimateRotation(RotationEstimator::Shrink(a), RotationEstimator::Shrink(b), Eigen::Quaterniond::Identity()).ok);
+  EXPECT_FALSE(
+      estimator
+          .EstimateRotation(RotationEstimator::Shrink(a), RotationEstimator::Shrink(b), Eigen::Quaterniond::Identity())
+          .ok);
 }
 
 TEST(RotationEstimator, BlankAndOddlySizedImagesDoNoHarm) {
@@ -159,13 +169,14 @@ TEST(RotationEstimator, RotationReproducesTheImageMotionOfTheCentrePoints) {
   ImageMotion motion;
   motion.angle_rad = 0.1;
   EXPECT_LT(estimator.RotationFromImageMotion(motion, 6.0).angularDistance(ExpSO3({0, 0, 0.1})), 1e-9);
-  // A shift of s pixels: by Eq. (6) a turn t about y moves the points at (x, y) by f t (1 + x^2/f^2, x y/f^2) = f t (a, b), so that by least
-  // squares t = s/f a / (a^2 + b^2), to first order.
+  // A shift of s pixels: by Eq. (6) a turn t about y moves the points at (x, y) by f t (1 + x^2/f^2, x y/f^2) = f t (a,
+  // b), so that by least squares t = s/f a / (a^2 + b^2), to first order.
   motion.angle_rad = 0;
   motion.translation_px = {2, 0};
   const double x = 160 / kCamera.fx, y = 120 / kCamera.fx, a = 1 + x * x, b = x * y;
   const double expected = 2 * 6.0 / kCamera.fx * a / (a * a + b * b);
-  EXPECT_NEAR(estimator.RotationFromImageMotion(motion, 6.0).angularDistance(ExpSO3({0, expected, 0})), 0, 0.01 * expected);
+  EXPECT_NEAR(estimator.RotationFromImageMotion(motion, 6.0).angularDistance(ExpSO3({0, expected, 0})), 0,
+              0.01 * expected);
 }
 
 TEST(PixelByRotation, EqualsTheNumericDerivative) {
@@ -175,7 +186,8 @@ TEST(PixelByRotation, EqualsTheNumericDerivative) {
     const Eigen::Matrix<double, 2, 3> jacobian = PixelByRotation(kCamera, point);
     for (int k = 0; k < 3; ++k) {
       const Eigen::Vector3d step = 1e-6 * Eigen::Vector3d::Unit(k);
-      const Eigen::Vector2d numeric = (kCamera.Project(ExpSO3(step) * point) - kCamera.Project(ExpSO3(-step) * point)) / 2e-6;
+      const Eigen::Vector2d numeric =
+          (kCamera.Project(ExpSO3(step) * point) - kCamera.Project(ExpSO3(-step) * point)) / 2e-6;
       EXPECT_LT((jacobian.col(k) - numeric).norm(), 1e-4 * (1 + numeric.norm()));
     }
   }

@@ -16,7 +16,8 @@ inline Frame FrameOfView(const SyntheticScene& scene, size_t view) {
   return frame;
 }
 
-/// The landmarks that a view's features really show, as points of BuildMap's map; none for outliers and what is not in the map.
+/// The landmarks that a view's features really show, as points of BuildMap's map; none for outliers and what is not in
+/// the map.
 inline std::vector<MapPointId> TrueLandmarks(const SyntheticScene& scene, size_t view, const Map& map) {
   const SyntheticView& seen = scene.views.at(view);
   std::vector<MapPointId> landmarks(seen.landmark_of_feature.size());
@@ -29,7 +30,8 @@ inline std::vector<MapPointId> TrueLandmarks(const SyntheticScene& scene, size_t
 }
 
 /// Features that were given a landmark which they do not show, or only by an outlier's location.
-inline int CountWrongLandmarks(const SyntheticScene& scene, size_t view, const Map& map, const std::vector<MapPointId>& landmarks) {
+inline int CountWrongLandmarks(const SyntheticScene& scene, size_t view, const Map& map,
+                               const std::vector<MapPointId>& landmarks) {
   const std::vector<MapPointId> truth = TrueLandmarks(scene, view, map);
   int wrong = 0;
   for (size_t i = 0; i < landmarks.size(); ++i) wrong += landmarks[i].IsValid() && landmarks[i] != truth[i] ? 1 : 0;

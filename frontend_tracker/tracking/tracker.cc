@@ -26,7 +26,7 @@ Tracker::Output Tracker::Track(const Image& image) {
   if (!active_map_.IsValid() && !new_map_.IsValid()) StartNewMap(&output);
   Frame frame = MakeFrame(image);
 
-  if (pending_pair_ && replicas_.at(new_map_).map().keyframes().size() >= 2) BeginTracking();
+  if (HasPairArrived()) BeginTracking();
   if (state_ == TrackingState::kInitializing || state_ == TrackingState::kLost) {
     Initialize(frame, &output);
   } else if (TrackInMap(&frame)) {
@@ -208,11 +208,8 @@ void Tracker::OnMapperState(const MapperState& state) {
   }
   if (state.refused_keyframe.IsValid()) {
     unacknowledged_.erase(state.refused_keyframe);
-    if (pending_pair_ && pending_pair_->second.data->id == state.refused_keyframe) {
-      // The same first frame goes on, with later frames against it.
-      pending_pair_.reset();
-      waiting_frames_.clear();
-    }
+    // The same first frame goes on, with later frames against it.
+    if (pending_pair_ && pending_pair_->second.data->id == state.refused_keyframe) DropPair();
   }
 }
 

@@ -90,6 +90,8 @@ class Tracker {
   void Initialize(Frame frame, Output* output);
   bool TryOldMap(Frame* frame);
   void SendPair(Initializer::Pair pair, Output* output);
+  bool HasPairArrived() const;  // whether the mapper has made the new map of it
+  void DropPair();              // refused, or not needed any more
   void BeginTracking();
   void BackfillOne();
 

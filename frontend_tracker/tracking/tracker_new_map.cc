@@ -51,9 +51,25 @@ bool Tracker::TryOldMap(Frame* frame) {
   if (!found) return false;
   velocity_model_.Reset();
   new_map_ = MapId();
-  pending_pair_.reset();
+  DropPair();
   initializer_.Reset();
   return true;
+}
+
+bool Tracker::HasPairArrived() const {
+  if (!pending_pair_) return false;
+  const Map& map = replicas_.at(new_map_).map();
+  return map.FindKeyFrame(pending_pair_->first.data->id) != nullptr && map.FindKeyFrame(pending_pair_->second.data->id) != nullptr;
+}
+
+void Tracker::DropPair() {
+  if (!pending_pair_) return;
+  const KeyFrameId first = pending_pair_->first.data->id, second = pending_pair_->second.data->id;
+  unacknowledged_.erase(first);
+  unacknowledged_.erase(second);
+  if (awaited_keyframe_ == second) awaited_keyframe_.reset();
+  pending_pair_.reset();
+  waiting_frames_.clear();
 }
 
 void Tracker::SendPair(Initializer::Pair pair, Output* output) {

@@ -9,7 +9,9 @@ namespace {
 
 constexpr double kStep = 0.1;  // seconds between frames
 
-Timestamp At(int frame) { return Timestamp::FromSeconds(5 + kStep * frame); }
+Timestamp At(int frame) {
+  return Timestamp::FromSeconds(5 + kStep * frame);
+}
 
 Vector6d Twist(double scale) {
   Vector6d twist;

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "base/statistics.h"
 #include "loop/map_follower.h"
 #include "process/process_setup.h"
 #include "process/status_publisher.h"
