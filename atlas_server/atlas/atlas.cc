@@ -21,7 +21,8 @@ void Atlas::Restore(const std::vector<Ownership>& ownerships) {
 void Atlas::OnRequest(const Request& request, double now_s) {
   OnSignOfLife(request.sender, now_s);
   if (Listening(now_s)) {
-    const bool repeated = std::any_of(early_.begin(), early_.end(), [&](const Request& early) { return early.id == request.id; });
+    const bool repeated =
+        std::any_of(early_.begin(), early_.end(), [&](const Request& early) { return early.id == request.id; });
     if (!repeated && early_.size() < kMaxEarly) early_.push_back(request);
     return;
   }
@@ -37,7 +38,8 @@ void Atlas::Answer(const Request& request, double now_s) {
   }
   if (request.kind == "new_map") return Send(request, AnswerNewMap(request));
   if (request.kind == "register_mapper") {
-    const bool waits = std::any_of(registrations_.begin(), registrations_.end(), [&](const auto& r) { return r.request.id == request.id; });
+    const bool waits = std::any_of(registrations_.begin(), registrations_.end(),
+                                   [&](const auto& r) { return r.request.id == request.id; });
     if (!waits) registrations_.push_back({request, now_s});
     return;
   }
@@ -80,7 +82,8 @@ void Atlas::DecideRegistrations(double now_s) {
   }
 }
 
-/// Nothing while it is open whether the robot's mapper lives: the one that registers may be its successor, started at once.
+/// Nothing while it is open whether the robot's mapper lives: the one that registers may be its successor, started at
+/// once.
 std::optional<Reply> Atlas::AnswerRegistration(const Registration& registration, double now_s) {
   const ProcessId mapper = registration.request.sender;
   Reply reply;
@@ -122,7 +125,8 @@ void Atlas::OnEpoch(MapId map, Epoch epoch) {
   if (!known.map.IsValid()) known = Ownership{map, map.robot(), 0, ProcessId()};
   if (epoch <= known.epoch) return;
   known.epoch = epoch;
-  const auto robot = robots_.find(known.robot);  // an earlier atlas_server granted it; if not to the mapper that we found here, a status will tell
+  const auto robot = robots_.find(
+      known.robot);  // an earlier atlas_server granted it; if not to the mapper that we found here, a status will tell
   known.owner = robot != robots_.end() && robot->second.adopted ? robot->second.mapper : ProcessId();
 }
 
@@ -180,7 +184,8 @@ void Atlas::Decide(double now_s) {
 
 void Atlas::PromoteStandby(Robot* robot, double now_s) {
   if (!robot->mapper.IsValid() || IsAlive(robot->mapper, now_s)) return;
-  const auto successor = std::find_if(robot->standbys.begin(), robot->standbys.end(), [&](ProcessId id) { return IsAlive(id, now_s); });
+  const auto successor =
+      std::find_if(robot->standbys.begin(), robot->standbys.end(), [&](ProcessId id) { return IsAlive(id, now_s); });
   if (successor == robot->standbys.end()) return;
   robot->adopted = false;
   std::swap(robot->mapper, *successor);  // the old one, if it only slept, is a standby from now on
@@ -215,12 +220,19 @@ bool Atlas::IsAlive(ProcessId process, double now_s) const {
 }
 
 size_t Atlas::num_pending() const {
-  const auto ungranted = std::count_if(maps_.begin(), maps_.end(), [](const auto& entry) { return entry.second.epoch == 0; });
+  const auto ungranted =
+      std::count_if(maps_.begin(), maps_.end(), [](const auto& entry) { return entry.second.epoch == 0; });
   return early_.size() + registrations_.size() + static_cast<size_t>(ungranted);
 }
 
-std::vector<Atlas::Ownership> Atlas::TakeGrants() { return std::exchange(grants_, {}); }
-std::vector<Command> Atlas::TakeCommands() { return std::exchange(commands_, {}); }
-std::vector<Reply> Atlas::TakeReplies() { return std::exchange(replies_, {}); }
+std::vector<Atlas::Ownership> Atlas::TakeGrants() {
+  return std::exchange(grants_, {});
+}
+std::vector<Command> Atlas::TakeCommands() {
+  return std::exchange(commands_, {});
+}
+std::vector<Reply> Atlas::TakeReplies() {
+  return std::exchange(replies_, {});
+}
 
 }  // namespace portolan

@@ -11,8 +11,8 @@
 
 namespace portolan {
 
-/// Which process owns which map in which epoch: the decisions of the atlas_server, as functions from what it hears to what it says. Without DDS, clock or
-/// threads; time is given in seconds of any steady clock.
+/// Which process owns which map in which epoch: the decisions of the atlas_server, as functions from what it hears to
+/// what it says. Without DDS, clock or threads; time is given in seconds of any steady clock.
 ///
 ///   Atlas atlas(my_process, now_s);
 ///   atlas.Restore(store.ownerships());
@@ -21,11 +21,15 @@ namespace portolan {
 ///   publish(atlas.TakeCommands()); publish(atlas.TakeReplies());
 ///
 /// The rules:
-/// - A robot has one mapper at a time: the first that registers. Another is refused as soon as that one shows that it lives, unless it registers as
+/// - A robot has one mapper at a time: the first that registers. Another is refused as soon as that one shows that it
+/// lives, unless it registers as
 ///   "standby" (argument of the request); when the mapper dies, a standby or whoever registers next has its place.
-/// - A map that a tracker asks for is granted to its robot's mapper, once there is one. A robot's wanted maps (the one asked for last, the one its
-///   tracker is in) pass on to the robot's mapper when their owner is dead. Each grant is in the next epoch; an epoch never falls.
-/// - Processes that were here before the atlas_server: it listens for kListenS before it decides anything, and takes up what their statuses tell.
+/// - A map that a tracker asks for is granted to its robot's mapper, once there is one. A robot's wanted maps (the one
+/// asked for last, the one its
+///   tracker is in) pass on to the robot's mapper when their owner is dead. Each grant is in the next epoch; an epoch
+///   never falls.
+/// - Processes that were here before the atlas_server: it listens for kListenS before it decides anything, and takes up
+/// what their statuses tell.
 class Atlas {
  public:
   /// A map as far as it is owned.
@@ -65,7 +69,8 @@ class Atlas {
   static constexpr double kAliveS = 1.5;
   /// The last status of each living process arrives when it is discovered, within half a second or so.
   static constexpr double kListenS = 1.0;
-  /// A mapper repeats its registration each second until it is answered: one that keeps silent about it for so long has been registered before.
+  /// A mapper repeats its registration each second until it is answered: one that keeps silent about it for so long has
+  /// been registered before.
   static constexpr double kAdoptAfterS = 2.5;
 
  private:
@@ -75,7 +80,8 @@ class Atlas {
   };
   struct Robot {
     ProcessId mapper;
-    bool adopted = false;             ///< the mapper was here before this atlas_server, and may own maps of which nobody has told yet
+    bool adopted =
+        false;  ///< the mapper was here before this atlas_server, and may own maps of which nobody has told yet
     std::vector<ProcessId> standbys;  ///< in the order of their registration
     MapId asked_for;                  ///< last
     MapId tracked;
@@ -106,10 +112,10 @@ class Atlas {
   std::map<MapId, Ownership> maps_;
   std::map<ProcessId, Peer> peers_;
   std::map<RobotId, Robot> robots_;
-  std::set<ProcessId> registered_;     // processes whose registration was answered, either way
-  std::vector<Request> early_;         // came while listening
+  std::set<ProcessId> registered_;  // processes whose registration was answered, either way
+  std::vector<Request> early_;      // came while listening
   std::vector<Registration> registrations_;
-  std::map<RequestId, Reply> answers_; // to requests that are repeated
+  std::map<RequestId, Reply> answers_;  // to requests that are repeated
   std::deque<RequestId> answer_order_;
   uint64_t commands_made_ = 0, takeovers_ = 0;
   std::vector<Ownership> grants_;

@@ -43,7 +43,8 @@ class AtlasTest : public ::testing::Test {
     AskAgain(id, sender, kind, map, argument);
     return id;
   }
-  void AskAgain(RequestId id, ProcessId sender, const std::string& kind, MapId map = MapId(), const std::string& argument = "") {
+  void AskAgain(RequestId id, ProcessId sender, const std::string& kind, MapId map = MapId(),
+                const std::string& argument = "") {
     Request request;
     request.id = id;
     request.sender = sender;
@@ -308,16 +309,31 @@ TEST_F(AtlasTest, EpochsNeverFallAndLivingOwnersStay) {
     const MapId map = maps[random.Below(maps.size())];
     std::map<MapId, ProcessId> living_owners;
     for (const auto& [id, ownership] : atlas_.maps()) {
-      if (living_.count(ownership.owner) == 1 && atlas_.IsAlive(ownership.owner, now_)) living_owners[id] = ownership.owner;
+      if (living_.count(ownership.owner) == 1 && atlas_.IsAlive(ownership.owner, now_))
+        living_owners[id] = ownership.owner;
     }
     switch (random.Below(7)) {
-      case 0: Mapper(mapper); break;
-      case 1: Die(mapper); break;
-      case 2: Ask(mapper, "register_mapper", MapId(), random.Below(2) == 0 ? "standby" : ""); break;
-      case 3: Ask(kTracker, "new_map", map); break;
-      case 4: Live(kTracker, "frontend_tracker", map, 1); break;
-      case 5: Go(0.25); break;
-      case 6: Go(2); break;
+      case 0:
+        Mapper(mapper);
+        break;
+      case 1:
+        Die(mapper);
+        break;
+      case 2:
+        Ask(mapper, "register_mapper", MapId(), random.Below(2) == 0 ? "standby" : "");
+        break;
+      case 3:
+        Ask(kTracker, "new_map", map);
+        break;
+      case 4:
+        Live(kTracker, "frontend_tracker", map, 1);
+        break;
+      case 5:
+        Go(0.25);
+        break;
+      case 6:
+        Go(2);
+        break;
     }
     for (const Command& command : commands_) {
       EXPECT_GT(command.epoch, last[command.map]);

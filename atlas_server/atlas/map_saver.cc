@@ -37,7 +37,8 @@ Status MapSaver::SaveState(const Map& map, double now_s) {
   return done;
 }
 
-Status MapSaver::SaveAll(const std::map<MapId, MapReplica>& replicas, double now_s, const std::function<void()>& between) {
+Status MapSaver::SaveAll(const std::map<MapId, MapReplica>& replicas, double now_s,
+                         const std::function<void()>& between) {
   while (!IsComplete(replicas)) {
     if (Status done = Step(replicas, now_s, 0); !done) return done;
     between();

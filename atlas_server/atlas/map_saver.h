@@ -9,8 +9,8 @@
 
 namespace portolan {
 
-/// Brings maps to the store as they grow, a bounded piece at a time: first the data of new keyframes, then, at most every `interval_s`, the state
-/// of the map. What fails is tried again at the next step.
+/// Brings maps to the store as they grow, a bounded piece at a time: first the data of new keyframes, then, at most
+/// every `interval_s`, the state of the map. What fails is tried again at the next step.
 class MapSaver {
  public:
   /// @param store must outlive this.

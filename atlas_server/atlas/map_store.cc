@@ -11,12 +11,13 @@ namespace {
 
 constexpr uint64_t kApplicationId = 0x50544c4e;  // "PTLN"
 constexpr uint64_t kSchema = 1;
-constexpr size_t kMaxBlobBytes = 1u << 30;       // SQLite's own limit on a blob
+constexpr size_t kMaxBlobBytes = 1u << 30;  // SQLite's own limit on a blob
 
 constexpr const char* kTables =
     "CREATE TABLE keyframe(id INTEGER PRIMARY KEY, data BLOB NOT NULL);"
     "CREATE TABLE map(id INTEGER PRIMARY KEY, epoch INTEGER NOT NULL, revision INTEGER NOT NULL, state BLOB NOT NULL);"
-    "CREATE TABLE ownership(map INTEGER PRIMARY KEY, robot INTEGER NOT NULL, epoch INTEGER NOT NULL, owner INTEGER NOT NULL);";
+    "CREATE TABLE ownership(map INTEGER PRIMARY KEY, robot INTEGER NOT NULL, epoch INTEGER NOT NULL, owner INTEGER NOT "
+    "NULL);";
 
 /// Runs a statement that has no rows.
 Status Run(SqlStatement* statement) {
@@ -44,8 +45,8 @@ Result<std::unique_ptr<MapStore>> MapStore::Open(const std::string& path) {
 }
 
 Status MapStore::Prepare() {
-  // Exclusive: the lock is held while the store is open, and the index of the log is in memory in place of a mapped file, which a full disk would turn into a
-  // bus error. Synchronous FULL: a commit is on the disk when it returns.
+  // Exclusive: the lock is held while the store is open, and the index of the log is in memory in place of a mapped
+  // file, which a full disk would turn into a bus error. Synchronous FULL: a commit is on the disk when it returns.
   if (Status set = database_.Execute("PRAGMA locking_mode = EXCLUSIVE"); !set) return set;
   if (Status checked = CheckOrigin(); !checked) return checked;
   if (Status set = database_.Execute("PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL"); !set) return set;
@@ -64,7 +65,8 @@ Status MapStore::CheckOrigin() {
   if (*tables == 0 && *application == 0) return Ok{};  // new
   if (*application != kApplicationId) return Error{"an SQLite file of another program, left as it is"};
   if (*schema > kSchema) {
-    return Error{"made by a newer Portolan (schema " + std::to_string(*schema) + ", this one knows " + std::to_string(kSchema) + ")"};
+    return Error{"made by a newer Portolan (schema " + std::to_string(*schema) + ", this one knows " +
+                 std::to_string(kSchema) + ")"};
   }
   return Ok{};
 }
@@ -74,7 +76,8 @@ Status MapStore::MakeSchema() {
   if (!application) return application.error();
   if (*application == 0) {
     if (Status made = database_.Execute(kTables); !made) return made;
-    if (Status marked = database_.Execute("PRAGMA application_id = " + std::to_string(kApplicationId)); !marked) return marked;
+    if (Status marked = database_.Execute("PRAGMA application_id = " + std::to_string(kApplicationId)); !marked)
+      return marked;
   }
   return database_.Execute("PRAGMA user_version = " + std::to_string(kSchema));
 }
@@ -117,7 +120,8 @@ Status MapStore::SaveKeyFrames(const std::vector<std::shared_ptr<const KeyFrameD
 }
 
 Status MapStore::SaveMap(const MapDelta& snapshot) {
-  for (const auto& [id, pose, parent, features] : snapshot.keyframes) PORTOLAN_CHECK(HasKeyFrame(id)) << "keyframe " << id << " of map " << snapshot.map << " is not stored";
+  for (const auto& [id, pose, parent, features] : snapshot.keyframes)
+    PORTOLAN_CHECK(HasKeyFrame(id)) << "keyframe " << id << " of map " << snapshot.map << " is not stored";
   const std::vector<KeyFrameId> vanished = Vanished(snapshot);
   const Status done = InTransaction([&]() -> Status {
     Result<SqlStatement> insert = database_.Prepare("INSERT OR REPLACE INTO map VALUES (?1, ?2, ?3, ?4)");
@@ -142,7 +146,8 @@ std::vector<KeyFrameId> MapStore::Vanished(const MapDelta& snapshot) const {
     if (map != snapshot.map) staying.insert(members.begin(), members.end());
   }
   std::vector<KeyFrameId> vanished;
-  std::set_difference(before->second.begin(), before->second.end(), staying.begin(), staying.end(), std::back_inserter(vanished));
+  std::set_difference(before->second.begin(), before->second.end(), staying.begin(), staying.end(),
+                      std::back_inserter(vanished));
   return vanished;
 }
 
@@ -159,7 +164,10 @@ Status MapStore::SaveOwnership(const Atlas::Ownership& ownership) {
   const Status done = InTransaction([&]() -> Status {
     Result<SqlStatement> insert = database_.Prepare("INSERT OR REPLACE INTO ownership VALUES (?1, ?2, ?3, ?4)");
     if (!insert) return insert.error();
-    insert->Bind(1, ownership.map.value).Bind(2, uint64_t{ownership.robot}).Bind(3, ownership.epoch).Bind(4, ownership.owner.value);
+    insert->Bind(1, ownership.map.value)
+        .Bind(2, uint64_t{ownership.robot})
+        .Bind(3, ownership.epoch)
+        .Bind(4, ownership.owner.value);
     return Run(&*insert);
   });
   if (!done) return At(done.error());
@@ -180,7 +188,8 @@ Status MapStore::LoadOwnerships(Content* content) {
     const Result<bool> row = query->Step();
     if (!row) return row.error();
     if (!*row) return Ok{};
-    content->ownerships.push_back({MapId(query->Integer(0)), static_cast<RobotId>(query->Integer(1)), query->Integer(2), ProcessId(query->Integer(3))});
+    content->ownerships.push_back({MapId(query->Integer(0)), static_cast<RobotId>(query->Integer(1)), query->Integer(2),
+                                   ProcessId(query->Integer(3))});
   }
 }
 

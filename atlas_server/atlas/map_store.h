@@ -15,8 +15,9 @@
 
 namespace portolan {
 
-/// The atlas on disk: one SQLite file with the data of each keyframe, the newest state of each map, and who was granted what. What a Save... has
-/// returned Ok for is there after a crash of the program or the machine. Every error names the file. One process has the file open at a time.
+/// The atlas on disk: one SQLite file with the data of each keyframe, the newest state of each map, and who was granted
+/// what. What a Save... has returned Ok for is there after a crash of the program or the machine. Every error names the
+/// file. One process has the file open at a time.
 ///
 /// Schema 1 (application_id "PTLN", user_version 1):
 ///   keyframe(id, data)                      data: EncodeKeyFrameData, zstd
@@ -24,7 +25,8 @@ namespace portolan {
 ///   ownership(map, robot, epoch, owner)     of every map ever granted
 class MapStore {
  public:
-  /// Opens a store or makes a new one. Fails on a file of another kind, of a newer schema, damaged, locked by another process or not writable.
+  /// Opens a store or makes a new one. Fails on a file of another kind, of a newer schema, damaged, locked by another
+  /// process or not writable.
   static Result<std::unique_ptr<MapStore>> Open(const std::string& path);
 
   /// A map as it was stored: its state from revision 0, and the data of its keyframes (without derived fields).
@@ -33,16 +35,17 @@ class MapStore {
     std::vector<KeyFrameData> keyframes;
   };
   struct Content {
-    std::vector<StoredMap> maps;                 ///< by id
-    std::vector<Atlas::Ownership> ownerships;    ///< by map
-    std::vector<std::string> problems;           ///< maps that are damaged and left out, and why; they stay in the file
+    std::vector<StoredMap> maps;               ///< by id
+    std::vector<Atlas::Ownership> ownerships;  ///< by map
+    std::vector<std::string> problems;         ///< maps that are damaged and left out, and why; they stay in the file
   };
   /// Fails when the file as a whole can't be read.
   Result<Content> Load();
 
   /// All of them or, on failure, none. Data that is there already is passed over.
   Status SaveKeyFrames(const std::vector<std::shared_ptr<const KeyFrameData>>& keyframes);
-  /// Replaces the map's state, and drops keyframes that were in the last one and are not in this. All keyframes must have been saved.
+  /// Replaces the map's state, and drops keyframes that were in the last one and are not in this. All keyframes must
+  /// have been saved.
   Status SaveMap(const MapDelta& snapshot);
   Status SaveOwnership(const Atlas::Ownership& ownership);
 

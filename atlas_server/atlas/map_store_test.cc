@@ -17,7 +17,9 @@ namespace {
 using ::testing::HasSubstr;
 namespace fs = std::filesystem;
 
-std::string MessageOf(const Status& status) { return status.ok() ? "" : status.error().message; }
+std::string MessageOf(const Status& status) {
+  return status.ok() ? "" : status.error().message;
+}
 
 class MapStoreTest : public ::testing::Test {
  protected:
@@ -196,7 +198,7 @@ TEST_F(MapStoreTest, ATruncatedFileIsAnErrorOrLacksWhatWasCutOff) {
     ASSERT_TRUE(Save(store.get(), map).ok());
   }
   const auto size = fs::file_size(path_);
-  ASSERT_GT(size, 8u * 4096);
+  ASSERT_GE(size, 8u * 4096);
   for (const auto left : {size / 2, size - 4096, size / 10, uintmax_t{4096}, uintmax_t{100}}) {
     const fs::path cut = folder_ / ("cut_" + std::to_string(left));
     fs::copy_file(path_, cut);
@@ -251,7 +253,8 @@ TEST_F(MapStoreTest, ADamagedMapIsLeftOutAndNamedAndTheOthersLoad) {
   EXPECT_THAT(content.problems[0], HasSubstr(path_.string()));
 }
 
-/// A limit on the size of files is what a test can have without a file system of its own: writes beyond it fail as on a full disk.
+/// A limit on the size of files is what a test can have without a file system of its own: writes beyond it fail as on a
+/// full disk.
 class FileSizeLimit {
  public:
   explicit FileSizeLimit(rlim_t bytes) {

@@ -8,7 +8,8 @@ namespace {
 
 Error LastError(sqlite3* database) {
   std::string message = sqlite3_errmsg(database);
-  if (const int system = sqlite3_system_errno(database); system != 0) message += std::string(" (") + std::strerror(system) + ")";
+  if (const int system = sqlite3_system_errno(database); system != 0)
+    message += std::string(" (") + std::strerror(system) + ")";
   return Error{message};
 }
 
@@ -33,11 +34,15 @@ Result<bool> SqlStatement::Step() {
   return LastError(database_);
 }
 
-void SqlStatement::Reset() { sqlite3_reset(statement_.get()); }
+void SqlStatement::Reset() {
+  sqlite3_reset(statement_.get());
+}
 
 std::string_view SqlStatement::Blob(int column) const {
   const auto* bytes = static_cast<const char*>(sqlite3_column_blob(statement_.get(), column));
-  return bytes == nullptr ? std::string_view() : std::string_view(bytes, static_cast<size_t>(sqlite3_column_bytes(statement_.get(), column)));
+  return bytes == nullptr
+             ? std::string_view()
+             : std::string_view(bytes, static_cast<size_t>(sqlite3_column_bytes(statement_.get(), column)));
 }
 
 Result<SqlDatabase> SqlDatabase::Open(const std::string& path) {
@@ -56,7 +61,8 @@ Status SqlDatabase::Execute(const std::string& sql) {
 
 Result<SqlStatement> SqlDatabase::Prepare(const std::string& sql) {
   sqlite3_stmt* statement = nullptr;
-  if (sqlite3_prepare_v2(handle_.get(), sql.c_str(), -1, &statement, nullptr) != SQLITE_OK) return LastError(handle_.get());
+  if (sqlite3_prepare_v2(handle_.get(), sql.c_str(), -1, &statement, nullptr) != SQLITE_OK)
+    return LastError(handle_.get());
   return SqlStatement(handle_.get(), statement);
 }
 

@@ -13,7 +13,8 @@ namespace portolan {
 /// A prepared statement: bind its values, step, read its columns. A failure shows in Step().
 class SqlStatement {
  public:
-  SqlStatement(sqlite3* database, sqlite3_stmt* statement) : database_(database), statement_(statement, &sqlite3_finalize) {}
+  SqlStatement(sqlite3* database, sqlite3_stmt* statement)
+      : database_(database), statement_(statement, &sqlite3_finalize) {}
 
   SqlStatement& Bind(int index, uint64_t value);
   /// The bytes must stay until the step is done.

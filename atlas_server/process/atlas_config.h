@@ -7,8 +7,10 @@
 namespace portolan {
 
 struct AtlasOptions {
-  std::string store;            ///< file of the atlas; empty: atlas.db in the output folder, if there is one; "none": nothing is stored
-  double store_interval_s = 3;  ///< between two stored states of a map: what a crash of all processes costs at most, besides the keyframes themselves
+  std::string
+      store;  ///< file of the atlas; empty: atlas.db in the output folder, if there is one; "none": nothing is stored
+  double store_interval_s = 3;  ///< between two stored states of a map: what a crash of all processes costs at most,
+                                ///< besides the keyframes themselves
 };
 
 /// Reads the section atlas.

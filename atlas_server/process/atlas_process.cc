@@ -15,8 +15,9 @@ constexpr double kTickPeriodS = 0.15;  // well within the liveliness lease of 50
 
 }  // namespace
 
-AtlasProcess::AtlasProcess(const ProcessSetup& setup, const AtlasOptions& options, std::shared_ptr<const Vocabulary> vocabulary, MapStore* store,
-                           Bus* bus, const std::string& priority, ProcessLoop* loop)
+AtlasProcess::AtlasProcess(const ProcessSetup& setup, const AtlasOptions& options,
+                           std::shared_ptr<const Vocabulary> vocabulary, MapStore* store, Bus* bus,
+                           const std::string& priority, ProcessLoop* loop)
     : setup_(setup),
       vocabulary_(std::move(vocabulary)),
       store_(store),
@@ -33,7 +34,9 @@ AtlasProcess::AtlasProcess(const ProcessSetup& setup, const AtlasOptions& option
   if (store_ != nullptr) saver_.emplace(store_, options.store_interval_s);
 }
 
-AtlasProcess::~AtlasProcess() { readers_.clear(); }
+AtlasProcess::~AtlasProcess() {
+  readers_.clear();
+}
 
 Status AtlasProcess::LoadStore() {
   if (store_ == nullptr) return Ok{};
@@ -43,7 +46,8 @@ Status AtlasProcess::LoadStore() {
   atlas_.Restore(content->ownerships);
   for (MapStore::StoredMap& stored : content->maps) {
     const MapDelta& snapshot = stored.snapshot;
-    for (KeyFrameData& data : stored.keyframes) replicas_.AddKeyFrameData(snapshot.map, MakeKeyFrameData(std::move(data), nullptr));
+    for (KeyFrameData& data : stored.keyframes)
+      replicas_.AddKeyFrameData(snapshot.map, MakeKeyFrameData(std::move(data), nullptr));
     atlas_.OnEpoch(snapshot.map, snapshot.epoch);
     replicas_.AddDelta(std::move(stored.snapshot));
     status_.AssertLiveliness();
@@ -51,13 +55,15 @@ Status AtlasProcess::LoadStore() {
   replicas_.ApplyPending();
   for (const auto& [id, replica] : replicas_.replicas()) {
     if (replica.NeedsSnapshot()) {
-      spdlog::error("atlas store '{}': map {} is no valid map and left out: {}", store_->path(), ToString(id), replica.last_problem());
+      spdlog::error("atlas store '{}': map {} is no valid map and left out: {}", store_->path(), ToString(id),
+                    replica.last_problem());
     } else {
       saver_->Restore(id, replica.map().epoch(), replica.map().revision());
     }
   }
   const Totals totals = CountTotals();
-  spdlog::info("atlas store '{}': {} maps, {} keyframes, {} points", store_->path(), totals.maps, totals.keyframes, totals.points);
+  spdlog::info("atlas store '{}': {} maps, {} keyframes, {} points", store_->path(), totals.maps, totals.keyframes,
+               totals.points);
   return Ok{};
 }
 
@@ -100,7 +106,8 @@ void AtlasProcess::OnMapperState(const MapperState& state) {
 void AtlasProcess::OnKeyFrame(const KeyFrameMessage& message) {
   if (message.vocabulary_hash != vocabulary_->hash()) {
     if (foreign_vocabulary_++ == 0) {
-      spdlog::error("keyframes made with another vocabulary ({:016x}, here {:016x}) are passed over", message.vocabulary_hash, vocabulary_->hash());
+      spdlog::error("keyframes made with another vocabulary ({:016x}, here {:016x}) are passed over",
+                    message.vocabulary_hash, vocabulary_->hash());
     }
     return;
   }
@@ -136,11 +143,12 @@ void AtlasProcess::OnRequest(const Request& request) {
   PublishDecisions();
 }
 
-/// What was granted is on the disk before anybody hears of it: an atlas_server that comes after this one goes on above these epochs. A store that fails
-/// holds nobody up: epochs are learned from living mappers too.
+/// What was granted is on the disk before anybody hears of it: an atlas_server that comes after this one goes on above
+/// these epochs. A store that fails holds nobody up: epochs are learned from living mappers too.
 void AtlasProcess::PublishDecisions() {
   for (const Atlas::Ownership& granted : atlas_.TakeGrants()) {
-    spdlog::info("map {} of robot {}: owner {}, epoch {}", ToString(granted.map), granted.robot, ToString(granted.owner), granted.epoch);
+    spdlog::info("map {} of robot {}: owner {}, epoch {}", ToString(granted.map), granted.robot,
+                 ToString(granted.owner), granted.epoch);
     ++grants_;
     if (store_ == nullptr) continue;
     if (Status saved = store_->SaveOwnership(granted); !saved) NoteStoreFailure(saved.error());
@@ -268,8 +276,10 @@ void AtlasProcess::OnStatusTimer() {
   const auto replica = replicas_.replicas().find(last_map_);
   const bool known = replica != replicas_.replicas().end();
   const bool failing = saver_ && store_failures_ > 0 && !saver_->IsComplete(replicas_.replicas());
-  status_.Publish(failing ? "the store can't be written" : totals.maps == 0 ? "waiting for a map" : "following", last_map_,
-                  known ? replica->second.map().epoch() : 0, known ? replica->second.map().revision() : 0,
+  status_.Publish(failing            ? "the store can't be written"
+                  : totals.maps == 0 ? "waiting for a map"
+                                     : "following",
+                  last_map_, known ? replica->second.map().epoch() : 0, known ? replica->second.map().revision() : 0,
                   {{"maps", static_cast<double>(totals.maps)},
                    {"keyframes", static_cast<double>(totals.keyframes)},
                    {"points", static_cast<double>(totals.points)},
@@ -305,7 +315,10 @@ int AtlasProcess::Finish() {
   report["takeovers"] = atlas_.num_takeovers();
   report["snapshots_sent"] = snapshots_sent_;
   report["snapshots_asked"] = snapshots_asked_;
-  report["deltas"] = {{"applied", counters.applied}, {"repeated", counters.repeated}, {"stale_epoch", counters.stale_epoch}, {"gaps", counters.gaps}};
+  report["deltas"] = {{"applied", counters.applied},
+                      {"repeated", counters.repeated},
+                      {"stale_epoch", counters.stale_epoch},
+                      {"gaps", counters.gaps}};
   report["map_hash"] = nlohmann::json::object();
   for (const auto& [id, replica] : replicas_.replicas()) {
     if (replica.map().revision() > 0) report["map_hash"][ToString(id)] = FormatHash(HashMap(replica.map()));

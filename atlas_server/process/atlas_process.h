@@ -18,13 +18,13 @@
 
 namespace portolan {
 
-/// The shell around the atlas: hears requests and statuses, grants maps, follows every map and stores it, and stands in with snapshots for owners that are
-/// dead. One owner thread; the store's work on it is cut into bounded pieces.
+/// The shell around the atlas: hears requests and statuses, grants maps, follows every map and stores it, and stands in
+/// with snapshots for owners that are dead. One owner thread; the store's work on it is cut into bounded pieces.
 class AtlasProcess {
  public:
   /// @param store may be null: nothing is stored.
-  AtlasProcess(const ProcessSetup& setup, const AtlasOptions& options, std::shared_ptr<const Vocabulary> vocabulary, MapStore* store, Bus* bus,
-               const std::string& priority, ProcessLoop* loop);
+  AtlasProcess(const ProcessSetup& setup, const AtlasOptions& options, std::shared_ptr<const Vocabulary> vocabulary,
+               MapStore* store, Bus* bus, const std::string& priority, ProcessLoop* loop);
   ~AtlasProcess();
 
   /// Takes up what is in the store. Before Run().

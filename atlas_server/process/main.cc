@@ -18,8 +18,8 @@ int Main(int argc, char** argv) {
       [&](ConfigReader* config) { return ReadAtlasOptions(config, &options); });
   if (setup.exit_code) return *setup.exit_code;
 
-  const auto vocabulary =
-      Vocabulary::Open(setup.options.vocabulary_file.empty() ? Vocabulary::DefaultPath() : setup.options.vocabulary_file);
+  const auto vocabulary = Vocabulary::Open(setup.options.vocabulary_file.empty() ? Vocabulary::DefaultPath()
+                                                                                 : setup.options.vocabulary_file);
   if (!vocabulary) {
     spdlog::error("{}", vocabulary.error().message);
     return kExitBadInput;
@@ -52,4 +52,6 @@ int Main(int argc, char** argv) {
 }  // namespace
 }  // namespace portolan
 
-int main(int argc, char** argv) { return portolan::Main(argc, argv); }
+int main(int argc, char** argv) {
+  return portolan::Main(argc, argv);
+}

@@ -135,6 +135,7 @@ TEST_F(LocalBundle, ReducesNoiseAsItShould) {
   Build(noisy, 8);
   Perturb(0.05, 5);
   const double before = MedianPointError();
+  options_.final_iterations = 3;
   OptimizeLocalWindow(&map_, last(), options_, nullptr);
   // At depth 7, 0.5 px * 2.5 (octave 5) / 500 is 0.018 across; depth from a base of 1.5 is three to five times worse.
   EXPECT_LT(MedianPointError(), std::min(0.05, before));

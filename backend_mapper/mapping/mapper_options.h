@@ -42,8 +42,10 @@ struct LocalBundleOptions {
   int max_fixed = 25;         ///< keyframes that hold the window in place, most shared points first
   int min_common = 15;        ///< points that a keyframe of the window shares with the newest
   int robust_iterations = 5;  ///< with Huber loss, before outliers are taken out
-  int final_iterations = 3;   ///< without, after; 0 leaves this stage out
-  double chi2 = 5.991;        ///< squared normalised error of an outlier
+  /// Without loss, after the outliers are taken out of the problem; 0 leaves this stage out. Measured on kitti_00 and
+  /// kitchen with 1900, 2000 and 2100 features: three iterations cost a tenth more time and gain no accuracy.
+  int final_iterations = 0;
+  double chi2 = 5.991;  ///< squared normalised error of an outlier
 };
 
 /// What leaves the map again (paper Sec. 4.2, pruning).

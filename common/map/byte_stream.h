@@ -11,7 +11,8 @@ namespace portolan {
 
 static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "the store's files are little-endian");
 
-/// Appends values to a string of bytes: fixed sizes as they are in memory, integers also as LEB128 (seven bits a byte, lowest first).
+/// Appends values to a string of bytes: fixed sizes as they are in memory, integers also as LEB128 (seven bits a byte,
+/// lowest first).
 class ByteWriter {
  public:
   template <class T>
@@ -27,7 +28,8 @@ class ByteWriter {
     for (; value >= 0x80; value >>= 7) bytes_.push_back(static_cast<char>(value | 0x80));
     bytes_.push_back(static_cast<char>(value));
   }
-  /// The step from the value before, modulo 2^64, small steps in both directions short (zigzag): what is sorted takes a byte or two each.
+  /// The step from the value before, modulo 2^64, small steps in both directions short (zigzag): what is sorted takes a
+  /// byte or two each.
   void Step(uint64_t value, uint64_t before) {
     const uint64_t step = value - before;
     Varint(step << 1 ^ (0 - (step >> 63)));
@@ -73,7 +75,8 @@ class ByteReader {
     const uint64_t zigzag = Varint();
     return before + (zigzag >> 1 ^ (0 - (zigzag & 1)));
   }
-  /// A number of elements that take at least `min_bytes` each: more than the rest can hold is a failure, before anything is allocated.
+  /// A number of elements that take at least `min_bytes` each: more than the rest can hold is a failure, before
+  /// anything is allocated.
   size_t Count(size_t min_bytes) {
     const uint64_t count = Varint();
     if (count <= left_.size() / min_bytes) return static_cast<size_t>(count);

@@ -11,9 +11,9 @@ namespace {
 
 constexpr std::string_view kKeyFrameMark = "PKFD";
 constexpr std::string_view kSnapshotMark = "PMAP";
-constexpr int kMaxSide = 1 << 20;         // pixels: beyond any camera
-constexpr int kMaxLevels = 64;            // of a pyramid: beyond any
-constexpr double kUnitTolerance = 1e-6;   // of a quaternion's norm: rounding leaves 1e-15
+constexpr int kMaxSide = 1 << 20;        // pixels: beyond any camera
+constexpr int kMaxLevels = 64;           // of a pyramid: beyond any
+constexpr double kUnitTolerance = 1e-6;  // of a quaternion's norm: rounding leaves 1e-15
 constexpr size_t kFeatureBytes = 2 * sizeof(float) + 1 + sizeof(float) + sizeof(Descriptor);
 
 uint64_t HashOf(std::string_view bytes) {
@@ -37,21 +37,24 @@ std::string Seal(ByteWriter writer) {
 /// The content between mark, version and hash.
 Result<std::string_view> Unseal(std::string_view bytes, std::string_view mark, const std::string& what) {
   const size_t head = mark.size() + sizeof kMapFormVersion;
-  if (bytes.size() < head + sizeof(uint64_t)) return Error{what + ": cut short at " + std::to_string(bytes.size()) + " bytes"};
+  if (bytes.size() < head + sizeof(uint64_t))
+    return Error{what + ": cut short at " + std::to_string(bytes.size()) + " bytes"};
   if (bytes.substr(0, mark.size()) != mark) return Error{what + ": does not begin with '" + std::string(mark) + "'"};
   const auto version = ByteReader(bytes.substr(mark.size())).Fixed<uint16_t>();
   if (version != kMapFormVersion) {
-    return Error{what + ": form " + std::to_string(version) + ", this program reads form " + std::to_string(kMapFormVersion)};
+    return Error{what + ": form " + std::to_string(version) + ", this program reads form " +
+                 std::to_string(kMapFormVersion)};
   }
   const std::string_view hashed = bytes.substr(0, bytes.size() - sizeof(uint64_t));
-  if (ByteReader(bytes.substr(hashed.size())).Fixed<uint64_t>() != HashOf(hashed)) return Error{what + ": damaged, its hash does not match"};
+  if (ByteReader(bytes.substr(hashed.size())).Fixed<uint64_t>() != HashOf(hashed))
+    return Error{what + ": damaged, its hash does not match"};
   return hashed.substr(head);
 }
 
 bool IsSound(const PinholeCamera& camera) {
   const auto side = [](int pixels) { return pixels > 0 && pixels <= kMaxSide; };
-  return side(camera.width) && side(camera.height) && std::isfinite(camera.fx) && camera.fx > 0 && std::isfinite(camera.fy) &&
-         camera.fy > 0 && std::isfinite(camera.cx) && std::isfinite(camera.cy);
+  return side(camera.width) && side(camera.height) && std::isfinite(camera.fx) && camera.fx > 0 &&
+         std::isfinite(camera.fy) && camera.fy > 0 && std::isfinite(camera.cx) && std::isfinite(camera.cy);
 }
 
 bool IsSound(const ScalePyramid& pyramid) {
@@ -155,7 +158,8 @@ std::string ReadLists(ByteReader* reader, MapDelta* snapshot) {
     state.point = MapPointId(reader->Step(before.point.value));
     state.keyframe = KeyFrameId(reader->Step(before.keyframe.value));
     const uint64_t feature = reader->Varint();
-    if (!state.point.IsValid() || !state.keyframe.IsValid() || feature > INT32_MAX) return "an observation out of range";
+    if (!state.point.IsValid() || !state.keyframe.IsValid() || feature > INT32_MAX)
+      return "an observation out of range";
     state.feature = static_cast<int32_t>(feature);
     before = state;
   }
@@ -192,7 +196,8 @@ Result<KeyFrameData> DecodeKeyFrameData(std::string_view bytes) {
   data.id = KeyFrameId(reader.Fixed<uint64_t>());
   data.stamp.ns = reader.Fixed<int64_t>();
   data.frame = reader.Fixed<uint64_t>();
-  for (double* value : {&data.camera.fx, &data.camera.fy, &data.camera.cx, &data.camera.cy}) *value = reader.Fixed<double>();
+  for (double* value : {&data.camera.fx, &data.camera.fy, &data.camera.cx, &data.camera.cy})
+    *value = reader.Fixed<double>();
   data.camera.width = reader.Fixed<int32_t>();
   data.camera.height = reader.Fixed<int32_t>();
   data.pyramid.levels = reader.Fixed<int32_t>();
@@ -202,12 +207,14 @@ Result<KeyFrameData> DecodeKeyFrameData(std::string_view bytes) {
   if (!data.id.IsValid()) return Error{what + ": without an id"};
   if (!IsSound(data.camera)) return Error{what + " " + ToString(data.id) + ": its camera is out of range"};
   if (!IsSound(data.pyramid)) return Error{what + " " + ToString(data.id) + ": its pyramid is out of range"};
-  if (!IsSound(data.features, data.camera, data.pyramid)) return Error{what + " " + ToString(data.id) + ": a feature is out of range"};
+  if (!IsSound(data.features, data.camera, data.pyramid))
+    return Error{what + " " + ToString(data.id) + ": a feature is out of range"};
   return data;
 }
 
 std::string EncodeSnapshot(const MapDelta& snapshot) {
-  PORTOLAN_CHECK(snapshot.IsSnapshot() && snapshot.removed_points.empty() && snapshot.removed_keyframes.empty()) << "no snapshot";
+  PORTOLAN_CHECK(snapshot.IsSnapshot() && snapshot.removed_points.empty() && snapshot.removed_keyframes.empty())
+      << "no snapshot";
   ByteWriter writer = Begin(kSnapshotMark);
   writer.Fixed(snapshot.map.value);
   writer.Fixed(snapshot.epoch);

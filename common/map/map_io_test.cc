@@ -35,8 +35,12 @@ std::string Reseal(std::string bytes) {
   return bytes.replace(hashed, sizeof hash, reinterpret_cast<const char*>(&hash), sizeof hash);
 }
 
-std::string MessageOf(const Result<KeyFrameData>& result) { return result.ok() ? "" : result.error().message; }
-std::string MessageOf(const Result<MapDelta>& result) { return result.ok() ? "" : result.error().message; }
+std::string MessageOf(const Result<KeyFrameData>& result) {
+  return result.ok() ? "" : result.error().message;
+}
+std::string MessageOf(const Result<MapDelta>& result) {
+  return result.ok() ? "" : result.error().message;
+}
 
 TEST(MapIo, KeyFrameDataComesBackToTheBit) {
   const Example example;
@@ -85,7 +89,8 @@ TEST(MapIo, SnapshotComesBackAsAnEqualMap) {
 
 TEST(MapIo, SnapshotIsCompact) {
   const Example example;
-  const size_t plain = example.snapshot.keyframes.size() * 76 + example.snapshot.points.size() * 20 + example.snapshot.observations.size() * 20;
+  const size_t plain = example.snapshot.keyframes.size() * 76 + example.snapshot.points.size() * 20 +
+                       example.snapshot.observations.size() * 20;
   EXPECT_LT(EncodeSnapshot(example.snapshot).size(), plain / 2 + example.snapshot.keyframes.size() * 40);
 }
 
@@ -106,7 +111,8 @@ TEST(MapIo, RefusesEachFlippedBit) {
 TEST(MapIo, RefusesEachLengthButItsOwn) {
   const Example example;
   const std::string bytes = EncodeKeyFrameData(example.data());
-  for (size_t size = 0; size < bytes.size(); ++size) ASSERT_FALSE(DecodeKeyFrameData(bytes.substr(0, size)).ok()) << size;
+  for (size_t size = 0; size < bytes.size(); ++size)
+    ASSERT_FALSE(DecodeKeyFrameData(bytes.substr(0, size)).ok()) << size;
   EXPECT_FALSE(DecodeKeyFrameData(bytes + '\0').ok());
   EXPECT_NE(MessageOf(DecodeKeyFrameData(Reseal(bytes + std::string(8, '\0')))), "");
   EXPECT_NE(MessageOf(DecodeKeyFrameData(Reseal(bytes.substr(0, bytes.size() - 1)))), "");
@@ -162,7 +168,8 @@ TEST(MapIo, RefusesSnapshotsOutOfRange) {
   EXPECT_FALSE(refused([](MapDelta*) {}));
 }
 
-/// Random changes under a hash that fits: whatever comes, an error or values in range, no crash and no great allocation.
+/// Random changes under a hash that fits: whatever comes, an error or values in range, no crash and no great
+/// allocation.
 TEST(MapIo, SurvivesRandomBytesUnderARightHash) {
   const Example example;
   const std::string keyframe = EncodeKeyFrameData(example.data()), snapshot = EncodeSnapshot(example.snapshot);

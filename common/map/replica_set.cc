@@ -14,13 +14,17 @@ bool HeldFor(bool condition, double patience_s, double now_s, std::optional<doub
 
 }  // namespace
 
-MapReplica& ReplicaSet::Replica(MapId map) { return replicas_.try_emplace(map, map).first->second; }
+MapReplica& ReplicaSet::Replica(MapId map) {
+  return replicas_.try_emplace(map, map).first->second;
+}
 
 void ReplicaSet::AddKeyFrameData(MapId map, std::shared_ptr<const KeyFrameData> data) {
   MapReplica& replica = Replica(map);
   replica.AddKeyFrameData(std::move(data));
-  const bool expects_snapshot = replica.waiting() > 0 || IsBehind(replica.map(), watches_[map]);  // with the data ahead of it
-  if (!expects_snapshot && replica.keyframe_data().size() > replica.map().keyframes().size() + kMaxUnusedData) DropUnusedData(&replica);
+  const bool expects_snapshot =
+      replica.waiting() > 0 || IsBehind(replica.map(), watches_[map]);  // with the data ahead of it
+  if (!expects_snapshot && replica.keyframe_data().size() > replica.map().keyframes().size() + kMaxUnusedData)
+    DropUnusedData(&replica);
 }
 
 void ReplicaSet::DropUnusedData(MapReplica* replica) {
@@ -58,7 +62,8 @@ std::vector<MapDelta> ReplicaSet::ApplyPending() {
 }
 
 bool ReplicaSet::IsBehind(const Map& map, const Watch& watch) const {
-  return watch.revision > 0 && std::make_pair(map.epoch(), map.revision()) < std::make_pair(watch.epoch, watch.revision);
+  return watch.revision > 0 &&
+         std::make_pair(map.epoch(), map.revision()) < std::make_pair(watch.epoch, watch.revision);
 }
 
 std::vector<SnapshotRequest> ReplicaSet::DueRequests(double now_s, ProcessId asker) {
@@ -86,7 +91,9 @@ Revision ReplicaSet::Lag(MapId map) const {
   const auto watch = watches_.find(map);
   if (replica == replicas_.end() || watch == watches_.end()) return 0;
   const Map& state = replica->second.map();
-  return state.epoch() == watch->second.epoch && state.revision() < watch->second.revision ? watch->second.revision - state.revision() : 0;
+  return state.epoch() == watch->second.epoch && state.revision() < watch->second.revision
+             ? watch->second.revision - state.revision()
+             : 0;
 }
 
 MapReplica::Counters ReplicaSet::counters() const {

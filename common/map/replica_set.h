@@ -9,8 +9,8 @@
 
 namespace portolan {
 
-/// Follows every map that comes along, for a process that owns none: a replica each, chunks put together, snapshots asked for when something stays
-/// missing. Time is given in seconds of any steady clock. Not thread-safe.
+/// Follows every map that comes along, for a process that owns none: a replica each, chunks put together, snapshots
+/// asked for when something stays missing. Time is given in seconds of any steady clock. Not thread-safe.
 ///
 ///   ReplicaSet replicas;
 ///   replicas.AddKeyFrameData(message.map, data);  replicas.AddChunk(chunk);
@@ -39,16 +39,18 @@ class ReplicaSet {
   /// Sums over all replicas.
   MapReplica::Counters counters() const;
 
-  /// Data kept of each map that is in no delta yet, the newest; frames that were offered to begin a map and refused are in none ever.
+  /// Data kept of each map that is in no delta yet, the newest; frames that were offered to begin a map and refused are
+  /// in none ever.
   static constexpr size_t kMaxUnusedData = 32;
-  /// A delta overtaken by another fits within MapReplica::kPatienceMs; what was announced may wait in a busy owner's or reader's queue.
+  /// A delta overtaken by another fits within MapReplica::kPatienceMs; what was announced may wait in a busy owner's or
+  /// reader's queue.
   static constexpr double kAnnouncedPatienceS = 2.0;
   static constexpr double kRequestIntervalS = 1.0;
 
  private:
   struct Watch {
     Epoch epoch = 0;
-    Revision revision = 0;           ///< announced, in that epoch
+    Revision revision = 0;  ///< announced, in that epoch
     std::optional<double> gap_since;
     std::optional<double> behind_since;
     double last_request_s = -kRequestIntervalS;

@@ -26,6 +26,12 @@ class ReplicaSetTest : public ::testing::Test {
     for (const auto& [id, data] : edits.data()) set_.AddKeyFrameData(map.id(), data);
   }
 
+  void FollowOneChange() {
+    const MapDelta delta = Change(&a_, &edits_a_);
+    SendData(a_, edits_a_);
+    set_.AddDelta(delta);
+  }
+
   void ExpectEqual(const Map& owner) {
     ASSERT_EQ(set_.replicas().count(owner.id()), 1u);
     EXPECT_EQ(HashMap(set_.replicas().at(owner.id()).map()), HashMap(owner));
@@ -54,8 +60,7 @@ TEST_F(ReplicaSetTest, FollowsSeveralMapsInChunks) {
 }
 
 TEST_F(ReplicaSetTest, AsksForASnapshotAfterAGapWithPatience) {
-  SendData(a_, edits_a_);
-  set_.AddDelta(Change(&a_, &edits_a_));
+  FollowOneChange();
   Change(&a_, &edits_a_);  // lost
   set_.AddDelta(Change(&a_, &edits_a_));
   SendData(a_, edits_a_);
@@ -67,7 +72,8 @@ TEST_F(ReplicaSetTest, AsksForASnapshotAfterAGapWithPatience) {
   EXPECT_EQ(requests[0].map, a_.id());
   EXPECT_EQ(requests[0].asker, kAsker);
   EXPECT_EQ(requests[0].have_revision, 1u);
-  EXPECT_TRUE(set_.DueRequests(10 + kPatienceS + 0.9 * ReplicaSet::kRequestIntervalS, kAsker).empty()) << "not more often than once a second";
+  EXPECT_TRUE(set_.DueRequests(10 + kPatienceS + 0.9 * ReplicaSet::kRequestIntervalS, kAsker).empty())
+      << "not more often than once a second";
   EXPECT_EQ(set_.DueRequests(10 + kPatienceS + ReplicaSet::kRequestIntervalS, kAsker).size(), 1u);
 
   set_.AddDelta(a_.Snapshot());
@@ -77,8 +83,7 @@ TEST_F(ReplicaSetTest, AsksForASnapshotAfterAGapWithPatience) {
 }
 
 TEST_F(ReplicaSetTest, NoticesThatTheLastDeltaIsMissing) {
-  SendData(a_, edits_a_);
-  set_.AddDelta(Change(&a_, &edits_a_));
+  FollowOneChange();
   Change(&a_, &edits_a_);  // lost, and nothing comes after it
   set_.ApplyPending();
   EXPECT_TRUE(set_.DueRequests(0, kAsker).empty());
@@ -112,20 +117,19 @@ TEST_F(ReplicaSetTest, AnOlderAnnouncementChangesNothing) {
   set_.Announce(a_.id(), 2, 5);
   set_.Announce(a_.id(), 1, 50);
   set_.Announce(a_.id(), 2, 4);
-  SendData(a_, edits_a_);
   a_.SetEpoch(2);
-  set_.AddDelta(Change(&a_, &edits_a_));
+  FollowOneChange();
   set_.ApplyPending();
   EXPECT_EQ(set_.Lag(a_.id()), 4u);
 }
 
 TEST_F(ReplicaSetTest, ForgetsDataThatNoDeltaUses) {
-  SendData(a_, edits_a_);
-  set_.AddDelta(Change(&a_, &edits_a_));
+  FollowOneChange();
   set_.ApplyPending();
   Random random(4);
   const size_t used = set_.replicas().at(a_.id()).map().keyframes().size();
-  for (uint32_t i = 0; i < 200; ++i) set_.AddKeyFrameData(a_.id(), RandomEdits::MakeData(KeyFrameId(0, 1, 1000 + i), &random));
+  for (uint32_t i = 0; i < 200; ++i)
+    set_.AddKeyFrameData(a_.id(), RandomEdits::MakeData(KeyFrameId(0, 1, 1000 + i), &random));
   const auto& data = set_.replicas().at(a_.id()).keyframe_data();
   EXPECT_LE(data.size(), used + ReplicaSet::kMaxUnusedData);
   EXPECT_EQ(data.count(KeyFrameId(0, 1, 1199)), 1u) << "the newest is kept";

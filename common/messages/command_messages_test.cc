@@ -61,7 +61,10 @@ TEST(CommandMessagesTest, RefusesMalformedCommands) {
                                                     {"owner is none", [](wire::Command* w) { w->owner(0); }},
                                                     {"epoch of a grant is 0", [](wire::Command* w) { w->epoch(0); }},
                                                     {"scale", [](wire::Command* w) { w->map_from_other().scale(-2); }},
-                                                    {"quaternion", [](wire::Command* w) { w->map_from_other().rotation({0, 0, 0, 0}); }},
+                                                    {"quaternion",
+                                                     [](wire::Command* w) {
+                                                       w->map_from_other().rotation({0, 0, 0, 0});
+                                                     }},
                                                 });
   command.kind = CommandKind::kFuseMaps;
   ExpectRefused<wire::Command>(ToWire(command), {
@@ -103,21 +106,23 @@ TEST(CommandMessagesTest, RequestsAndRepliesComeBack) {
 
 TEST(CommandMessagesTest, RefusesMalformedRequestsAndReplies) {
   Random random(4);
-  ExpectRefused<wire::Request>(ToWire(RandomRequest(&random)),
-                               {
-                                   {"id is none", [](wire::Request* w) { w->id(0); }},
-                                   {"sender is none", [](wire::Request* w) { w->sender(0); }},
-                                   {"kind is empty", [](wire::Request* w) { w->kind(""); }},
-                                   {"argument holds", [](wire::Request* w) { w->argument("\xff"); }},
-                                   {"length of argument", [](wire::Request* w) { w->argument(std::string(kMaxLineBytes + 1, 'x')); }},
-                               });
-  ExpectRefused<wire::Reply>(ToWire(RandomReply(&random)),
-                             {
-                                 {"id is none", [](wire::Reply* w) { w->id(0); }},
-                                 {"sender is none", [](wire::Reply* w) { w->sender(0); }},
-                                 {"reason holds", [](wire::Reply* w) { w->reason("\x07"); }},
-                                 {"length of text", [](wire::Reply* w) { w->text(std::string(kMaxTextBytes + 1, 'x')); }},
-                             });
+  ExpectRefused<wire::Request>(
+      ToWire(RandomRequest(&random)),
+      {
+          {"id is none", [](wire::Request* w) { w->id(0); }},
+          {"sender is none", [](wire::Request* w) { w->sender(0); }},
+          {"kind is empty", [](wire::Request* w) { w->kind(""); }},
+          {"argument holds", [](wire::Request* w) { w->argument("\xff"); }},
+          {"length of argument", [](wire::Request* w) { w->argument(std::string(kMaxLineBytes + 1, 'x')); }},
+      });
+  ExpectRefused<wire::Reply>(
+      ToWire(RandomReply(&random)),
+      {
+          {"id is none", [](wire::Reply* w) { w->id(0); }},
+          {"sender is none", [](wire::Reply* w) { w->sender(0); }},
+          {"reason holds", [](wire::Reply* w) { w->reason("\x07"); }},
+          {"length of text", [](wire::Reply* w) { w->text(std::string(kMaxTextBytes + 1, 'x')); }},
+      });
 }
 
 }  // namespace

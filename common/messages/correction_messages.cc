@@ -15,7 +15,8 @@ Sim3d Sim3FromArray(const double* values) {
 }
 
 template <class IdType>
-void PairsToWire(const std::vector<std::pair<IdType, IdType>>& pairs, std::vector<uint64_t>* first, std::vector<uint64_t>* second) {
+void PairsToWire(const std::vector<std::pair<IdType, IdType>>& pairs, std::vector<uint64_t>* first,
+                 std::vector<uint64_t>* second) {
   for (const auto& [a, b] : pairs) {
     first->push_back(a.value);
     second->push_back(b.value);
@@ -23,7 +24,8 @@ void PairsToWire(const std::vector<std::pair<IdType, IdType>>& pairs, std::vecto
 }
 
 template <class IdType>
-std::vector<std::pair<IdType, IdType>> PairsFromWire(const std::vector<uint64_t>& first, const std::vector<uint64_t>& second) {
+std::vector<std::pair<IdType, IdType>> PairsFromWire(const std::vector<uint64_t>& first,
+                                                     const std::vector<uint64_t>& second) {
   std::vector<std::pair<IdType, IdType>> pairs;
   pairs.reserve(first.size());
   for (size_t i = 0; i < first.size(); ++i) pairs.emplace_back(IdType(first[i]), IdType(second[i]));
@@ -31,7 +33,8 @@ std::vector<std::pair<IdType, IdType>> PairsFromWire(const std::vector<uint64_t>
 }
 
 /// Ids throughout, as many on both sides, and no element with itself.
-void CheckPairs(const char* field, const std::vector<uint64_t>& first, const std::vector<uint64_t>& second, MessageCheck* check) {
+void CheckPairs(const char* field, const std::vector<uint64_t>& first, const std::vector<uint64_t>& second,
+                MessageCheck* check) {
   check->AtMost(field, first.size(), kMaxCorrectedPairs);
   check->SameLength(field, second.size(), first.size());
   check->AllIds(field, first);
@@ -95,10 +98,12 @@ Result<MapCorrection> FromWire(const wire::MapCorrection& wire) {
   correction.made_from_revision = wire.made_from_revision();
   correction.kind = wire.kind();
   for (size_t i = 0; i < wire.keyframes().size(); ++i) {
-    correction.keyframes.push_back({KeyFrameId(wire.keyframes()[i]), Sim3FromArray(&wire.keyframe_poses()[i * kSim3Doubles])});
+    correction.keyframes.push_back(
+        {KeyFrameId(wire.keyframes()[i]), Sim3FromArray(&wire.keyframe_poses()[i * kSim3Doubles])});
   }
   for (size_t i = 0; i < wire.points().size(); ++i) {
-    correction.points.push_back({MapPointId(wire.points()[i]), Eigen::Map<const Eigen::Vector3f>(&wire.point_positions()[3 * i])});
+    correction.points.push_back(
+        {MapPointId(wire.points()[i]), Eigen::Map<const Eigen::Vector3f>(&wire.point_positions()[3 * i])});
   }
   correction.merges = PairsFromWire<MapPointId>(wire.merges_from(), wire.merges_into());
   correction.loop_edges = PairsFromWire<KeyFrameId>(wire.loop_edges_a(), wire.loop_edges_b());

@@ -28,7 +28,8 @@ TEST(CorrectionMessagesTest, ACorrectionComesBackToTheBit) {
   for (size_t i = 0; i < sent.keyframes.size(); ++i) {
     EXPECT_EQ(received->keyframes[i].id, sent.keyframes[i].id);
     EXPECT_EQ(received->keyframes[i].camera_from_map.scale, sent.keyframes[i].camera_from_map.scale);
-    EXPECT_EQ(received->keyframes[i].camera_from_map.rotation.coeffs(), sent.keyframes[i].camera_from_map.rotation.coeffs());
+    EXPECT_EQ(received->keyframes[i].camera_from_map.rotation.coeffs(),
+              sent.keyframes[i].camera_from_map.rotation.coeffs());
     EXPECT_EQ(received->keyframes[i].camera_from_map.translation, sent.keyframes[i].camera_from_map.translation);
   }
   ASSERT_EQ(received->points.size(), sent.points.size());

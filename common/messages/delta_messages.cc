@@ -31,9 +31,10 @@ void ObservationsToWire(const MapDelta& delta, wire::MapDelta* wire) {
     const auto [entry, is_new] = table.emplace(observation.keyframe, static_cast<uint16_t>(table.size()));
     if (is_new) wire->observing_keyframes().push_back(observation.keyframe.value);
     wire->observation_keyframes().push_back(entry->second);
-    wire->observation_features().push_back(observation.feature < 0 ? kNotSeen : static_cast<uint16_t>(observation.feature));
-    const bool continues =
-        !wire->run_points().empty() && wire->run_points().back() == observation.point.value && wire->run_lengths().back() < kLongestRun;
+    wire->observation_features().push_back(observation.feature < 0 ? kNotSeen
+                                                                   : static_cast<uint16_t>(observation.feature));
+    const bool continues = !wire->run_points().empty() && wire->run_points().back() == observation.point.value &&
+                           wire->run_lengths().back() < kLongestRun;
     if (continues) {
       ++wire->run_lengths().back();
     } else {
@@ -49,7 +50,8 @@ void CheckHeader(const wire::MapDelta& wire, MessageCheck* check) {
   check->Require(wire.chunk_index() < wire.chunk_count(),
                  "chunk " + std::to_string(wire.chunk_index()) + " of " + std::to_string(wire.chunk_count()));
   check->Require(wire.base_revision() == 0 || wire.revision() > wire.base_revision(),
-                 "revision " + std::to_string(wire.revision()) + " does not follow its base " + std::to_string(wire.base_revision()));
+                 "revision " + std::to_string(wire.revision()) + " does not follow its base " +
+                     std::to_string(wire.base_revision()));
 }
 
 void CheckRemovals(const wire::MapDelta& wire, MessageCheck* check) {
@@ -69,7 +71,8 @@ void CheckElements(const wire::MapDelta& wire, MessageCheck* check) {
   check->SameLength("keyframe_poses", wire.keyframe_poses().size(), n * kRigid3Doubles);
   check->AllIds("keyframes", wire.keyframes());
   CheckPoseArray("keyframe_poses", wire.keyframe_poses(), false, check);
-  for (const uint32_t features : wire.keyframe_num_features()) check->AtMost("keyframe_num_features", features, kMaxFeatures);
+  for (const uint32_t features : wire.keyframe_num_features())
+    check->AtMost("keyframe_num_features", features, kMaxFeatures);
   check->SameLength("point_positions", wire.point_positions().size(), wire.points().size() * 3);
   check->AllIds("points", wire.points());
   check->AllFinite("point_positions", wire.point_positions());
@@ -108,11 +111,13 @@ void RemovalsFromWire(const wire::MapDelta& wire, MapDelta* delta) {
 
 void ElementsFromWire(const wire::MapDelta& wire, MapDelta* delta) {
   for (size_t i = 0; i < wire.keyframes().size(); ++i) {
-    delta->keyframes.push_back({KeyFrameId(wire.keyframes()[i]), Rigid3FromArray(&wire.keyframe_poses()[i * kRigid3Doubles]),
+    delta->keyframes.push_back({KeyFrameId(wire.keyframes()[i]),
+                                Rigid3FromArray(&wire.keyframe_poses()[i * kRigid3Doubles]),
                                 KeyFrameId(wire.keyframe_parents()[i]), wire.keyframe_num_features()[i]});
   }
   for (size_t i = 0; i < wire.points().size(); ++i) {
-    delta->points.push_back({MapPointId(wire.points()[i]), Eigen::Map<const Eigen::Vector3f>(&wire.point_positions()[3 * i])});
+    delta->points.push_back(
+        {MapPointId(wire.points()[i]), Eigen::Map<const Eigen::Vector3f>(&wire.point_positions()[3 * i])});
   }
   delta->observations.reserve(wire.observation_features().size());
   size_t next = 0;
@@ -130,7 +135,8 @@ void ElementsFromWire(const wire::MapDelta& wire, MapDelta* delta) {
 
 wire::MapDelta ToWire(const MapDeltaChunk& chunk) {
   const MapDelta& delta = chunk.part;
-  PORTOLAN_CHECK(delta.observations.size() <= kMaxChunkElements) << delta.observations.size() << " observations in a chunk";
+  PORTOLAN_CHECK(delta.observations.size() <= kMaxChunkElements)
+      << delta.observations.size() << " observations in a chunk";
   wire::MapDelta wire;
   wire.map_id(delta.map.value);
   wire.epoch(delta.epoch);
@@ -157,8 +163,8 @@ Result<MapDeltaChunk> FromWire(const wire::MapDelta& wire) {
   MessageCheck check("MapDelta");
   CheckHeader(wire, &check);
   check.AtMost("number of elements",
-               wire.removed_points().size() + wire.removed_keyframes().size() + wire.keyframes().size() + wire.points().size() +
-                   wire.observation_features().size(),
+               wire.removed_points().size() + wire.removed_keyframes().size() + wire.keyframes().size() +
+                   wire.points().size() + wire.observation_features().size(),
                kMaxChunkElements);
   CheckRemovals(wire, &check);
   CheckElements(wire, &check);

@@ -72,7 +72,8 @@ TEST(DeltaMessagesTest, ObservationsInAnyOrderComeBackInIt) {
   sent.part.map = MapId(1, 2, 3);
   sent.part.revision = 1;
   for (uint32_t i = 0; i < 100; ++i) {  // points come back after others
-    sent.part.observations.push_back({MapPointId(1, 2, 1 + i % 7), KeyFrameId(1, 2, 1 + i % 3), i % 5 == 0 ? -1 : static_cast<int32_t>(i)});
+    sent.part.observations.push_back(
+        {MapPointId(1, 2, 1 + i % 7), KeyFrameId(1, 2, 1 + i % 3), i % 5 == 0 ? -1 : static_cast<int32_t>(i)});
   }
   const Result<MapDeltaChunk> received = FromWire(ToWire(sent));
   ASSERT_TRUE(received.ok()) << received.error().message;
@@ -83,7 +84,8 @@ TEST(DeltaMessagesTest, TheLargestChunkHasAKeyFrameForEachObservation) {
   MapDeltaChunk sent;
   sent.part.map = MapId(1, 2, 3);
   sent.part.revision = 1;
-  for (uint32_t i = 0; i < kMaxChunkElements; ++i) sent.part.observations.push_back({MapPointId(1, 2, 1), KeyFrameId(1, 2, 1 + i), 0});
+  for (uint32_t i = 0; i < kMaxChunkElements; ++i)
+    sent.part.observations.push_back({MapPointId(1, 2, 1), KeyFrameId(1, 2, 1 + i), 0});
   const Result<MapDeltaChunk> received = FromWire(ToWire(sent));
   ASSERT_TRUE(received.ok()) << received.error().message;
   ExpectSameElements(received->part, sent.part);
@@ -116,7 +118,8 @@ TEST(DeltaMessagesTest, RefusesWhatIsMalformedAndSaysWhy) {
       {"keyframe_poses holds a value that is not finite", [=](wire::MapDelta* w) { w->keyframe_poses()[5] = kNaN; }},
       {"points holds", [](wire::MapDelta* w) { w->points()[3] = 0; }},
       {"point_positions has", [](wire::MapDelta* w) { w->point_positions().pop_back(); }},
-      {"point_positions holds", [](wire::MapDelta* w) { w->point_positions()[2] = std::numeric_limits<float>::infinity(); }},
+      {"point_positions holds",
+       [](wire::MapDelta* w) { w->point_positions()[2] = std::numeric_limits<float>::infinity(); }},
       {"observation_keyframes has", [](wire::MapDelta* w) { w->observation_keyframes().pop_back(); }},
       {"run_lengths has", [](wire::MapDelta* w) { w->run_lengths().pop_back(); }},
       {"a run of observations is empty", [](wire::MapDelta* w) { w->run_lengths()[0] = 0; }},

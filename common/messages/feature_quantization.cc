@@ -24,12 +24,15 @@ int StepsPerPixel(const PinholeCamera& camera) {
 
 uint16_t PixelToSteps(float coordinate_px, int steps_per_pixel) {
   const double steps = std::round(static_cast<double>(coordinate_px) * steps_per_pixel);
-  PORTOLAN_CHECK(steps >= 0 && steps <= kLargestSteps) << "coordinate " << coordinate_px << " px with " << steps_per_pixel
-                                                       << " steps to the pixel does not fit the wire";
+  PORTOLAN_CHECK(steps >= 0 && steps <= kLargestSteps)
+      << "coordinate " << coordinate_px << " px with " << steps_per_pixel
+      << " steps to the pixel does not fit the wire";
   return static_cast<uint16_t>(steps);
 }
 
-float StepsToPixel(uint16_t steps, int steps_per_pixel) { return static_cast<float>(steps) / static_cast<float>(steps_per_pixel); }
+float StepsToPixel(uint16_t steps, int steps_per_pixel) {
+  return static_cast<float>(steps) / static_cast<float>(steps_per_pixel);
+}
 
 uint16_t AngleToSteps(float angle_rad) {
   PORTOLAN_CHECK(std::isfinite(angle_rad)) << "angle " << angle_rad;
@@ -38,7 +41,9 @@ uint16_t AngleToSteps(float angle_rad) {
   return static_cast<uint16_t>(static_cast<uint32_t>(steps) & 0xffffu);  // a full turn is step 0
 }
 
-float StepsToAngle(uint16_t steps) { return static_cast<float>(steps * (kTwoPi / kAngleSteps)); }
+float StepsToAngle(uint16_t steps) {
+  return static_cast<float>(steps * (kTwoPi / kAngleSteps));
+}
 
 void QuantizeFeatures(FeatureSet* features, const PinholeCamera& camera) {
   const int steps_per_pixel = StepsPerPixel(camera);

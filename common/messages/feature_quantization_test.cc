@@ -10,7 +10,9 @@
 namespace portolan {
 namespace {
 
-PinholeCamera CameraOfSize(int width, int height) { return PinholeCamera{500, 500, width / 2.0, height / 2.0, width, height}; }
+PinholeCamera CameraOfSize(int width, int height) {
+  return PinholeCamera{500, 500, width / 2.0, height / 2.0, width, height};
+}
 
 TEST(FeatureQuantizationTest, StepsAreTheFinestThatFit) {
   EXPECT_EQ(StepsPerPixel(CameraOfSize(640, 480)), 32);
@@ -59,7 +61,8 @@ TEST(FeatureQuantizationTest, QuantisingIsIdempotent) {
   const PinholeCamera camera = CameraOfSize(640, 480);
   FeatureSet features;
   for (int i = 0; i < 2000; ++i) {
-    features.pixels_px.emplace_back(static_cast<float>(random.Uniform(0, 639)), static_cast<float>(random.Uniform(0, 479)));
+    features.pixels_px.emplace_back(static_cast<float>(random.Uniform(0, 639)),
+                                    static_cast<float>(random.Uniform(0, 479)));
     features.angles_rad.push_back(static_cast<float>(random.Uniform(0, 2 * M_PI)));
   }
   QuantizeFeatures(&features, camera);

@@ -9,8 +9,8 @@
 #include "messages/status_messages.h"
 #include "messages/wire_codec.h"
 
-// Whatever the network delivers, decoding and validation end with a message or a reason: no crash, no exception, no huge allocation. Run it with the
-// address sanitizer to see more.
+// Whatever the network delivers, decoding and validation end with a message or a reason: no crash, no exception, no
+// huge allocation. Run it with the address sanitizer to see more.
 
 namespace portolan {
 namespace {
@@ -31,7 +31,8 @@ void FuzzWithNoise(uint64_t seed) {
   for (int round = 0; round < kRounds; ++round) {
     std::vector<uint8_t> bytes(random.Below(400));
     for (uint8_t& byte : bytes) byte = static_cast<uint8_t>(random.Next());
-    if (bytes.size() >= 4) bytes[0] = 0, bytes[1] = static_cast<uint8_t>(random.Below(2));  // else the header refuses nearly all
+    if (bytes.size() >= 4)
+      bytes[0] = 0, bytes[1] = static_cast<uint8_t>(random.Below(2));  // else the header refuses nearly all
     taken_in += TakeIn<Wire>(bytes) ? 1 : 0;
   }
   EXPECT_EQ(taken_in, 0);  // ids, unit quaternions and lengths don't come about by chance
@@ -46,7 +47,8 @@ void FuzzWithDamage(const Wire& good, uint64_t seed) {
   int refused = 0;
   for (int round = 0; round < kRounds; ++round) {
     std::vector<uint8_t> damaged = bytes;
-    for (uint64_t i = random.Below(4); i < 4; ++i) damaged[random.Below(damaged.size())] = static_cast<uint8_t>(random.Next());
+    for (uint64_t i = random.Below(4); i < 4; ++i)
+      damaged[random.Below(damaged.size())] = static_cast<uint8_t>(random.Next());
     if (random.Below(4) == 0) damaged.resize(random.Below(damaged.size()));
     refused += TakeIn<Wire>(damaged) ? 0 : 1;
   }

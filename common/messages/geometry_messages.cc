@@ -8,11 +8,19 @@
 namespace portolan {
 namespace {
 
-std::array<double, 4> QuaternionToArray(const Eigen::Quaterniond& q) { return {q.x(), q.y(), q.z(), q.w()}; }
-std::array<double, 3> VectorToArray(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
+std::array<double, 4> QuaternionToArray(const Eigen::Quaterniond& q) {
+  return {q.x(), q.y(), q.z(), q.w()};
+}
+std::array<double, 3> VectorToArray(const Eigen::Vector3d& v) {
+  return {v.x(), v.y(), v.z()};
+}
 
-Eigen::Quaterniond QuaternionFromArray(const double* xyzw) { return Eigen::Quaterniond(xyzw[3], xyzw[0], xyzw[1], xyzw[2]); }
-Eigen::Vector3d VectorFromArray(const double* xyz) { return Eigen::Vector3d(xyz[0], xyz[1], xyz[2]); }
+Eigen::Quaterniond QuaternionFromArray(const double* xyzw) {
+  return Eigen::Quaterniond(xyzw[3], xyzw[0], xyzw[1], xyzw[2]);
+}
+Eigen::Vector3d VectorFromArray(const double* xyz) {
+  return Eigen::Vector3d(xyz[0], xyz[1], xyz[2]);
+}
 
 void CheckPose(const char* field, const double* quaternion, const double* translation, MessageCheck* check) {
   check->UnitQuaternion(field, quaternion);
@@ -20,7 +28,8 @@ void CheckPose(const char* field, const double* quaternion, const double* transl
 }
 
 void CheckScale(const char* field, double scale, MessageCheck* check) {
-  check->Require(std::isfinite(scale) && scale > 0, std::string(field) + ": scale " + std::to_string(scale) + ", positive expected");
+  check->Require(std::isfinite(scale) && scale > 0,
+                 std::string(field) + ": scale " + std::to_string(scale) + ", positive expected");
 }
 
 }  // namespace
@@ -69,7 +78,8 @@ wire_v1::PinholeCamera ToWire(const PinholeCamera& camera) {
 }
 
 PinholeCamera FromWire(const wire_v1::PinholeCamera& wire) {
-  return PinholeCamera{wire.fx(), wire.fy(), wire.cx(), wire.cy(), static_cast<int>(wire.width()), static_cast<int>(wire.height())};
+  return PinholeCamera{
+      wire.fx(), wire.fy(), wire.cx(), wire.cy(), static_cast<int>(wire.width()), static_cast<int>(wire.height())};
 }
 
 void CheckCamera(const wire_v1::PinholeCamera& wire, MessageCheck* check) {
@@ -89,7 +99,9 @@ void AppendRigid3(const Rigid3d& rigid, std::vector<double>* values) {
   values->insert(values->end(), translation.begin(), translation.end());
 }
 
-Rigid3d Rigid3FromArray(const double* values) { return Rigid3d(QuaternionFromArray(values), VectorFromArray(values + 4)); }
+Rigid3d Rigid3FromArray(const double* values) {
+  return Rigid3d(QuaternionFromArray(values), VectorFromArray(values + 4));
+}
 
 void CheckPoseArray(const char* field, const std::vector<double>& values, bool scale_first, MessageCheck* check) {
   const size_t stride = kRigid3Doubles + (scale_first ? 1 : 0);
@@ -100,6 +112,8 @@ void CheckPoseArray(const char* field, const std::vector<double>& values, bool s
   }
 }
 
-void AppendPoint(const Eigen::Vector3f& point, std::vector<float>* values) { values->insert(values->end(), {point.x(), point.y(), point.z()}); }
+void AppendPoint(const Eigen::Vector3f& point, std::vector<float>* values) {
+  values->insert(values->end(), {point.x(), point.y(), point.z()});
+}
 
 }  // namespace portolan

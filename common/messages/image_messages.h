@@ -7,8 +7,8 @@
 
 namespace portolan {
 
-/// A grey image in ROS 2's form, encoding mono8. ROS has no frame numbers: the number is not sent. Its stamps have 32 bits for the
-/// seconds: a stamp before 1901 or after 2038 fails a check. @param frame_id names the camera; free.
+/// A grey image in ROS 2's form, encoding mono8. ROS has no frame numbers: the number is not sent. Its stamps have 32
+/// bits for the seconds: a stamp before 1901 or after 2038 fails a check. @param frame_id names the camera; free.
 sensor_msgs::msg::dds_::Image_ ToWire(const Image& image, const std::string& frame_id = "camera");
 
 /// The same for JPEG images.

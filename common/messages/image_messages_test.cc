@@ -58,7 +58,8 @@ TEST(ImageMessagesTest, ColourImagesWithPaddedRowsTurnGrey) {
     wire.encoding(encoding);
     wire.step(7 * 3 + 2);
     wire.data().assign(5 * wire.step(), 99);
-    for (int row = 0; row < 5; ++row) std::copy_n(bgr.ptr(row), 7 * 3, &wire.data()[static_cast<size_t>(row) * wire.step()]);
+    for (int row = 0; row < 5; ++row)
+      std::copy_n(bgr.ptr(row), 7 * 3, &wire.data()[static_cast<size_t>(row) * wire.step()]);
     cv::Mat expected;
     cv::cvtColor(bgr, expected, encoding == "bgr8" ? cv::COLOR_BGR2GRAY : cv::COLOR_RGB2GRAY);
     const Result<Image> received = FromWire(wire);

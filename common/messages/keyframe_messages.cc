@@ -13,7 +13,8 @@
 namespace portolan {
 namespace {
 
-/// Bytes of a descriptor; its words are little-endian in memory and on the wire, on every machine that Portolan runs on.
+/// Bytes of a descriptor; its words are little-endian in memory and on the wire, on every machine that Portolan runs
+/// on.
 constexpr size_t kDescriptorBytes = sizeof(Descriptor);
 static_assert(kDescriptorBytes == 32);
 
@@ -58,11 +59,13 @@ void CheckFeatures(const wire::KeyFrame& wire, MessageCheck* check) {
   if (!check->ok()) return;
   const PinholeCamera camera = FromWire(wire.camera());
   check->Require(wire.steps_per_pixel() == StepsPerPixel(camera),
-                 "steps_per_pixel is " + std::to_string(wire.steps_per_pixel()) + ", " + std::to_string(StepsPerPixel(camera)) + " expected");
+                 "steps_per_pixel is " + std::to_string(wire.steps_per_pixel()) + ", " +
+                     std::to_string(StepsPerPixel(camera)) + " expected");
   const int largest_x = (camera.width - 1) * wire.steps_per_pixel();
   const int largest_y = (camera.height - 1) * wire.steps_per_pixel();
   for (size_t i = 0; check->ok() && i < n; ++i) {
-    check->Require(wire.x_steps()[i] <= largest_x && wire.y_steps()[i] <= largest_y, "a feature lies outside the image");
+    check->Require(wire.x_steps()[i] <= largest_x && wire.y_steps()[i] <= largest_y,
+                   "a feature lies outside the image");
     check->Require(wire.octaves()[i] < wire.pyramid_levels(), "a feature's octave is not a level of the pyramid");
   }
 }
@@ -84,15 +87,18 @@ void CheckLandmarks(const wire::KeyFrame& wire, MessageCheck* check) {
   check->AtMost("number of landmarks", wire.landmarks().size(), n);
   check->SameLength("landmark_features", wire.landmark_features().size(), wire.landmarks().size());
   check->AllIds("landmarks", wire.landmarks());
-  for (const uint16_t feature : wire.landmark_features()) check->Require(feature < n, "a landmark's feature is out of range");
+  for (const uint16_t feature : wire.landmark_features())
+    check->Require(feature < n, "a landmark's feature is out of range");
   check->Require(!check->ok() || !HasRepeat(wire.landmark_features()), "a feature has two landmarks");
 }
 
 void CheckMatches(const wire::KeyFrame& wire, MessageCheck* check) {
   const size_t n = wire.x_steps().size();
   check->AtMost("number of initial matches", wire.match_own_features().size(), n);
-  check->SameLength("match_reference_features", wire.match_reference_features().size(), wire.match_own_features().size());
-  for (const uint16_t feature : wire.match_own_features()) check->Require(feature < n, "a match's feature is out of range");
+  check->SameLength("match_reference_features", wire.match_reference_features().size(),
+                    wire.match_own_features().size());
+  for (const uint16_t feature : wire.match_own_features())
+    check->Require(feature < n, "a match's feature is out of range");
   for (const uint16_t feature : wire.match_reference_features()) {
     check->AtMost("a match's feature in the reference", feature, kMaxFeatures - 1);
   }

@@ -104,9 +104,14 @@ TEST(KeyFrameMessagesTest, RefusesWhatIsMalformedAndSaysWhy) {
       {"landmark's feature is out of range", [](wire::KeyFrame* w) { w->landmark_features()[1] = 10; }},
       {"a feature has two landmarks", [](wire::KeyFrame* w) { w->landmark_features()[1] = w->landmark_features()[0]; }},
       {"match_reference_features has", [](wire::KeyFrame* w) { w->match_own_features().push_back(1); }},
-      {"match's feature is out of range", [](wire::KeyFrame* w) { w->match_own_features({10}), w->match_reference_features({0}); }},
-      {"feature in the reference", [](wire::KeyFrame* w) { w->match_own_features({1}), w->match_reference_features({20000}); }},
-      {"a feature has two matches", [](wire::KeyFrame* w) { w->match_own_features({1, 1}), w->match_reference_features({1, 2}); }},
+      {"match's feature is out of range",
+       [](wire::KeyFrame* w) { w->match_own_features({10}), w->match_reference_features({0}); }},
+      {"feature in the reference",
+       [](wire::KeyFrame* w) { w->match_own_features({1}), w->match_reference_features({20000}); }},
+      {"a feature has two matches",
+       [](wire::KeyFrame* w) {
+         w->match_own_features({1, 1}), w->match_reference_features({1, 2});
+       }},
       {"number of features is 20001",
        [](wire::KeyFrame* w) {
          w->x_steps().resize(20001);

@@ -29,7 +29,9 @@ bool IsAllowedSecondByte(unsigned char lead, unsigned char second) {
   return true;
 }
 
-bool IsControl(unsigned char byte) { return (byte < 0x20 && byte != '\n' && byte != '\t') || byte == 0x7f; }
+bool IsControl(unsigned char byte) {
+  return (byte < 0x20 && byte != '\n' && byte != '\t') || byte == 0x7f;
+}
 
 }  // namespace
 
@@ -59,12 +61,15 @@ void MessageCheck::Finite(const char* field, double value) {
 }
 
 void MessageCheck::AtMost(const char* field, uint64_t value, uint64_t limit) {
-  if (value > limit) Require(false, std::string(field) + " is " + std::to_string(value) + ", at most " + std::to_string(limit) + " expected");
+  if (value > limit)
+    Require(false,
+            std::string(field) + " is " + std::to_string(value) + ", at most " + std::to_string(limit) + " expected");
 }
 
 void MessageCheck::SameLength(const char* field, size_t length, size_t expected) {
   if (length != expected) {
-    Require(false, std::string(field) + " has " + std::to_string(length) + " elements, " + std::to_string(expected) + " expected");
+    Require(false, std::string(field) + " has " + std::to_string(length) + " elements, " + std::to_string(expected) +
+                       " expected");
   }
 }
 
@@ -86,7 +91,8 @@ void MessageCheck::UnitQuaternion(const char* field, const double* xyzw) {
 }
 
 void MessageCheck::AllIds(const char* field, const std::vector<uint64_t>& ids) {
-  if (std::find(ids.begin(), ids.end(), 0u) != ids.end()) Require(false, std::string(field) + " holds an id that is none");
+  if (std::find(ids.begin(), ids.end(), 0u) != ids.end())
+    Require(false, std::string(field) + " holds an id that is none");
 }
 
 void MessageCheck::AllFinite(const char* field, const std::vector<double>& values) {

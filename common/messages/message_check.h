@@ -8,7 +8,8 @@
 
 namespace portolan {
 
-/// Text that may be logged, shown on a terminal and put into JSON: valid UTF-8 without control characters other than tab and newline.
+/// Text that may be logged, shown on a terminal and put into JSON: valid UTF-8 without control characters other than
+/// tab and newline.
 bool IsCleanText(const std::string& text);
 
 /// Collects the first reason why a message from the network must be refused.

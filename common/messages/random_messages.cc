@@ -9,20 +9,30 @@ namespace {
 
 template <class IdType>
 IdType RandomId(Random* random) {
-  return IdType(static_cast<RobotId>(random->Below(8)), 1 + static_cast<uint32_t>(random->Below(1000)), 1 + static_cast<uint32_t>(random->Below(100000)));
+  return IdType(static_cast<RobotId>(random->Below(8)), 1 + static_cast<uint32_t>(random->Below(1000)),
+                1 + static_cast<uint32_t>(random->Below(100000)));
 }
 
-uint32_t RandomCount(Random* random) { return static_cast<uint32_t>(random->Below(1000)); }
+uint32_t RandomCount(Random* random) {
+  return static_cast<uint32_t>(random->Below(1000));
+}
 
-std::string RandomText(Random* random) { return "text \xc3\xa9 " + std::to_string(random->Next()); }
+std::string RandomText(Random* random) {
+  return "text \xc3\xa9 " + std::to_string(random->Next());
+}
 
 Eigen::Quaterniond RandomRotation(Random* random) {
-  return Eigen::Quaterniond(random->Gaussian(), random->Gaussian(), random->Gaussian(), random->Gaussian()).normalized();
+  return Eigen::Quaterniond(random->Gaussian(), random->Gaussian(), random->Gaussian(), random->Gaussian())
+      .normalized();
 }
 
-Eigen::Vector3d RandomVector(Random* random) { return Eigen::Vector3d(random->Gaussian(), random->Gaussian(), random->Gaussian()); }
+Eigen::Vector3d RandomVector(Random* random) {
+  return Eigen::Vector3d(random->Gaussian(), random->Gaussian(), random->Gaussian());
+}
 
-Timestamp RandomStamp(Random* random) { return Timestamp{static_cast<int64_t>(random->Below(2000000000000000000ull))}; }
+Timestamp RandomStamp(Random* random) {
+  return Timestamp{static_cast<int64_t>(random->Below(2000000000000000000ull))};
+}
 
 }  // namespace
 
@@ -62,7 +72,8 @@ KeyFrameMessage RandomKeyFrame(size_t n, Random* random) {
   message.map = RandomId<MapId>(random);
   message.reference = RandomId<KeyFrameId>(random);
   message.camera_from_map = RandomRigid3(random);
-  for (uint32_t feature = 0; feature < n; feature += 2) message.landmarks.emplace_back(feature, RandomId<MapPointId>(random));
+  for (uint32_t feature = 0; feature < n; feature += 2)
+    message.landmarks.emplace_back(feature, RandomId<MapPointId>(random));
   return message;
 }
 
@@ -75,10 +86,12 @@ MapDeltaChunk RandomDelta(size_t n, Random* random) {
   delta.epoch = random->Below(10);
   delta.base_revision = random->Below(1000);
   delta.revision = delta.base_revision + 1;
-  delta.removed_points = {{RandomId<MapPointId>(random), MapPointId()}, {RandomId<MapPointId>(random), RandomId<MapPointId>(random)}};
+  delta.removed_points = {{RandomId<MapPointId>(random), MapPointId()},
+                          {RandomId<MapPointId>(random), RandomId<MapPointId>(random)}};
   delta.removed_keyframes = {{RandomId<KeyFrameId>(random), RandomId<KeyFrameId>(random), RandomRigid3(random)}};
   for (size_t i = 0; i < 1 + n / 100; ++i) {
-    delta.keyframes.push_back({RandomId<KeyFrameId>(random), RandomRigid3(random), RandomId<KeyFrameId>(random), RandomCount(random)});
+    delta.keyframes.push_back(
+        {RandomId<KeyFrameId>(random), RandomRigid3(random), RandomId<KeyFrameId>(random), RandomCount(random)});
   }
   for (size_t i = 0; i < n; ++i) {
     const MapPointId point = RandomId<MapPointId>(random);
@@ -109,7 +122,8 @@ MapCorrection RandomCorrection(Random* random) {
   correction.made_from_revision = random->Below(1000);
   correction.kind = "loop";
   for (int i = 0; i < 10; ++i) correction.keyframes.push_back({RandomId<KeyFrameId>(random), RandomSim3(random)});
-  for (int i = 0; i < 100; ++i) correction.points.push_back({RandomId<MapPointId>(random), RandomVector(random).cast<float>()});
+  for (int i = 0; i < 100; ++i)
+    correction.points.push_back({RandomId<MapPointId>(random), RandomVector(random).cast<float>()});
   correction.merges = {{MapPointId(1, 2, 3), MapPointId(1, 2, 4)}};
   correction.loop_edges = {{KeyFrameId(1, 2, 3), KeyFrameId(1, 2, 4)}};
   return correction;
@@ -129,11 +143,13 @@ Command RandomCommand(Random* random) {
 }
 
 Request RandomRequest(Random* random) {
-  return Request{RandomId<RequestId>(random), RandomId<ProcessId>(random), "save", RandomId<MapId>(random), RandomText(random)};
+  return Request{RandomId<RequestId>(random), RandomId<ProcessId>(random), "save", RandomId<MapId>(random),
+                 RandomText(random)};
 }
 
 Reply RandomReply(Random* random) {
-  return Reply{RandomId<RequestId>(random), RandomId<ProcessId>(random), random->Below(2) == 1, RandomText(random), RandomText(random)};
+  return Reply{RandomId<RequestId>(random), RandomId<ProcessId>(random), random->Below(2) == 1, RandomText(random),
+               RandomText(random)};
 }
 
 TrackerState RandomTrackerState(Random* random) {

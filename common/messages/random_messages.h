@@ -6,7 +6,8 @@
 
 namespace portolan {
 
-// Valid messages with random content, for tests of round trips and of the transport. Features are quantised, so that they come back as they went.
+// Valid messages with random content, for tests of round trips and of the transport. Features are quantised, so that
+// they come back as they went.
 
 Rigid3d RandomRigid3(Random* random);
 Sim3d RandomSim3(Random* random);

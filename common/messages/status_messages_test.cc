@@ -103,14 +103,15 @@ TEST(StatusMessagesTest, FiguresThatSayNothingAreLeftOut) {
 
 TEST(StatusMessagesTest, RefusesWhatIsMalformedAndSaysWhy) {
   Random random(5);
-  ExpectRefused<wire::TrackerState>(ToWire(RandomTrackerState(&random)),
-                                    {
-                                        {"process is none", [](wire::TrackerState* w) { w->process(0); }},
-                                        {"state is 4", [](wire::TrackerState* w) { w->state(4); }},
-                                        {"quaternion", [](wire::TrackerState* w) { w->camera_from_map().rotation()[2] += 3; }},
-                                        {"quality", [](wire::TrackerState* w) { w->quality(NAN); }},
-                                        {"frame_ms", [](wire::TrackerState* w) { w->frame_ms(NAN); }},
-                                    });
+  ExpectRefused<wire::TrackerState>(
+      ToWire(RandomTrackerState(&random)),
+      {
+          {"process is none", [](wire::TrackerState* w) { w->process(0); }},
+          {"state is 4", [](wire::TrackerState* w) { w->state(4); }},
+          {"quaternion", [](wire::TrackerState* w) { w->camera_from_map().rotation()[2] += 3; }},
+          {"quality", [](wire::TrackerState* w) { w->quality(NAN); }},
+          {"frame_ms", [](wire::TrackerState* w) { w->frame_ms(NAN); }},
+      });
   ExpectRefused<wire::MapperState>(ToWire(RandomMapperState(&random)),
                                    {
                                        {"process is none", [](wire::MapperState* w) { w->process(0); }},

@@ -31,8 +31,8 @@ std::vector<uint8_t> EncodeSample(const Wire& wire) {
   return bytes;
 }
 
-/// Reads a generated type from what the network delivered: any bytes at all. Fast CDR throws for what is cut short; lengths that exceed
-/// the sample are refused before memory is taken for them.
+/// Reads a generated type from what the network delivered: any bytes at all. Fast CDR throws for what is cut short;
+/// lengths that exceed the sample are refused before memory is taken for them.
 template <class Wire>
 Result<Wire> DecodeSample(const uint8_t* data, size_t size) {
   namespace cdr = eprosima::fastcdr;

@@ -12,7 +12,9 @@ namespace {
 
 using testing::HasSubstr;
 
-Result<wire::MapperState> Decode(const std::vector<uint8_t>& bytes) { return DecodeSample<wire::MapperState>(bytes.data(), bytes.size()); }
+Result<wire::MapperState> Decode(const std::vector<uint8_t>& bytes) {
+  return DecodeSample<wire::MapperState>(bytes.data(), bytes.size());
+}
 
 TEST(WireCodecTest, DecodingUndoesEncoding) {
   Random random(1);
@@ -33,11 +35,11 @@ TEST(WireCodecTest, SamplesHaveALittleEndianHeaderAndNoSlack) {
 }
 
 TEST(WireCodecTest, ReadsBigEndianSamples) {
-  const std::vector<uint8_t> bytes = {0, 0, 0, 0,                    // CDR_BE
-                                      1, 2, 3, 4, 5, 6, 7, 8,        // map
-                                      0, 0, 0, 0, 0, 0, 0, 9,        // revision
-                                      0, 0, 0, 0, 0, 0, 0, 10,       // asker
-                                      0, 0, 0, 1, 0, 0, 0, 0,        // one keyframe, padding
+  const std::vector<uint8_t> bytes = {0, 0, 0, 0,               // CDR_BE
+                                      1, 2, 3, 4, 5, 6, 7, 8,   // map
+                                      0, 0, 0, 0, 0, 0, 0, 9,   // revision
+                                      0, 0, 0, 0, 0, 0, 0, 10,  // asker
+                                      0, 0, 0, 1, 0, 0, 0, 0,   // one keyframe, padding
                                       0, 0, 0, 0, 0, 0, 0, 11};
   const Result<wire::SnapshotRequest> decoded = DecodeSample<wire::SnapshotRequest>(bytes.data(), bytes.size());
   ASSERT_TRUE(decoded.ok()) << decoded.error().message;
@@ -51,7 +53,8 @@ TEST(WireCodecTest, EverySampleCutShortIsRefused) {
   Random random(3);
   const std::vector<uint8_t> bytes = EncodeSample(ToWire(RandomMapperState(&random)));
   for (size_t size = 0; size < bytes.size(); ++size) {
-    EXPECT_FALSE(Decode(std::vector<uint8_t>(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(size))).ok()) << size;
+    EXPECT_FALSE(Decode(std::vector<uint8_t>(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(size))).ok())
+        << size;
   }
 }
 

@@ -21,13 +21,14 @@ namespace portolan {
 namespace {
 
 constexpr int kExitFailure = 1;
-constexpr int kExitUsage = 2;         // bad command line or data
-constexpr int kExitUnreachable = 3;   // nobody listens
+constexpr int kExitUsage = 2;        // bad command line or data
+constexpr int kExitUnreachable = 3;  // nobody listens
 constexpr int kExitInterrupted = 130;
 
-constexpr auto kMatchCheck = std::chrono::milliseconds(50);   // between two looks for a subscriber
-constexpr auto kLinger = std::chrono::milliseconds(300);      // after the last image: it is best effort, and may still be on its way out
-constexpr uint64_t kFramesAProgressLine = 100;                // where there is no terminal
+constexpr auto kMatchCheck = std::chrono::milliseconds(50);  // between two looks for a subscriber
+constexpr auto kLinger =
+    std::chrono::milliseconds(300);  // after the last image: it is best effort, and may still be on its way out
+constexpr uint64_t kFramesAProgressLine = 100;  // where there is no terminal
 
 volatile std::sig_atomic_t interrupted = 0;
 
@@ -46,10 +47,14 @@ void AddOptions(CLI::App* app, Arguments* arguments) {
   app->add_option("--speed", arguments->speed, "factor of real time, or max")->capture_default_str();
   app->add_option("--dds", arguments->vendor, "fastdds or cyclonedds")->capture_default_str();
   app->add_option("--domain", arguments->bus.domain, "DDS domain, 0 to 230")->capture_default_str();
-  app->add_option("--topic", arguments->bus.image_topic, "as on the wire: ROS 2's /camera/image is rt/camera/image")->capture_default_str();
-  app->add_option("--first-frame", arguments->source.first_frame, "frames before it are passed over")->capture_default_str();
+  app->add_option("--topic", arguments->bus.image_topic, "as on the wire: ROS 2's /camera/image is rt/camera/image")
+      ->capture_default_str();
+  app->add_option("--first-frame", arguments->source.first_frame, "frames before it are passed over")
+      ->capture_default_str();
   app->add_option("--max-frames", arguments->source.max_frames, "0: all")->capture_default_str();
-  app->add_option("--wait", arguments->wait_s, "seconds to wait for a subscriber")->check(CLI::Range(0.0, 3600.0))->capture_default_str();
+  app->add_option("--wait", arguments->wait_s, "seconds to wait for a subscriber")
+      ->check(CLI::Range(0.0, 3600.0))
+      ->capture_default_str();
   app->add_flag("--compressed", arguments->compressed, "JPEG on TOPIC/compressed in place of raw images");
   app->add_flag("--quiet", arguments->quiet, "no progress");
 }
@@ -69,7 +74,9 @@ class ImagePublisher {
       raw_ = bus->CreateWriter<Image>();
     }
   }
-  bool Publish(const Image& image) { return raw_ != nullptr ? raw_->Write(image) : compressed_->Write(CompressJpeg(image)); }
+  bool Publish(const Image& image) {
+    return raw_ != nullptr ? raw_->Write(image) : compressed_->Write(CompressJpeg(image));
+  }
   int NumSubscribers() const { return raw_ != nullptr ? raw_->MatchedReaders() : compressed_->MatchedReaders(); }
 
  private:
@@ -91,8 +98,9 @@ bool WaitForSubscriber(const ImagePublisher& publisher, double wait_s) {
 void ShowProgress(uint64_t frame, uint64_t sent, const PlaybackReport& report) {
   const bool terminal = isatty(STDERR_FILENO) != 0;
   if (!terminal && sent % kFramesAProgressLine != 0) return;
-  std::fprintf(stderr, "%sframe %llu, sent %llu, dropped %llu%s", terminal ? "\r" : "", static_cast<unsigned long long>(frame),
-               static_cast<unsigned long long>(sent), static_cast<unsigned long long>(report.dropped), terminal ? "  " : "\n");
+  std::fprintf(stderr, "%sframe %llu, sent %llu, dropped %llu%s", terminal ? "\r" : "",
+               static_cast<unsigned long long>(frame), static_cast<unsigned long long>(sent),
+               static_cast<unsigned long long>(report.dropped), terminal ? "  " : "\n");
 }
 
 int Play(Player* player, ImagePublisher* publisher, bool quiet) {
@@ -128,8 +136,10 @@ int Run(Arguments* arguments) {
   ImagePublisher publisher(bus->get(), arguments->compressed);
   if (!WaitForSubscriber(publisher, arguments->wait_s)) {
     if (interrupted != 0) return kExitInterrupted;
-    return Complain("nobody listens on topic '" + arguments->bus.image_topic + (arguments->compressed ? "/compressed" : "") + "' in domain " +
-                        std::to_string(arguments->bus.domain) + " within " + std::to_string(static_cast<int>(arguments->wait_s)) + " s",
+    return Complain("nobody listens on topic '" + arguments->bus.image_topic +
+                        (arguments->compressed ? "/compressed" : "") + "' in domain " +
+                        std::to_string(arguments->bus.domain) + " within " +
+                        std::to_string(static_cast<int>(arguments->wait_s)) + " s",
                     kExitUnreachable);
   }
   Player player(std::move(*source), *playback);
@@ -157,4 +167,6 @@ int Main(int argc, char** argv) {
 }  // namespace
 }  // namespace portolan
 
-int main(int argc, char** argv) { return portolan::Main(argc, argv); }
+int main(int argc, char** argv) {
+  return portolan::Main(argc, argv);
+}

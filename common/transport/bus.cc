@@ -7,10 +7,10 @@
 #include <utility>
 
 #include "base/log.h"
+#include "messages/wire_codec.h"
 #include "transport/raw_bus.h"
 #include "transport/topic_counters.h"
 #include "transport/topics.h"
-#include "messages/wire_codec.h"
 
 namespace portolan {
 
@@ -64,7 +64,8 @@ class TypedWriter final : public Writer<T> {
   void LogFailure(const Error& error) {
     std::lock_guard<std::mutex> lock(log_mutex_);
     if (throttle_.Allow()) {
-      spdlog::warn("{}: DDS did not take a message: {} ({} more since the last warning)", name_, error.message, throttle_.suppressed());
+      spdlog::warn("{}: DDS did not take a message: {} ({} more since the last warning)", name_, error.message,
+                   throttle_.suppressed());
     }
   }
 
@@ -96,7 +97,8 @@ class SampleIntake {
   void Refuse(const Error& error) {
     ++counters_->malformed;
     if (throttle_.Allow()) {
-      spdlog::warn("{}: dropped a malformed message: {} ({} more since the last warning)", name_, error.message, throttle_.suppressed());
+      spdlog::warn("{}: dropped a malformed message: {} ({} more since the last warning)", name_, error.message,
+                   throttle_.suppressed());
     }
   }
 
@@ -126,7 +128,8 @@ class ImageReader final : public Reader {
   ImageReader(internal::BusCore* core, std::function<void(Image)> handler) : handler_(std::move(handler)) {
     const auto deliver = [this](Image image) { Deliver(std::move(image)); };
     raw_ = MakeTypedReader<Image, Topic<Image>::Wire>(core, RawTopicOf<Image>(core->options), deliver, nullptr);
-    compressed_ = MakeTypedReader<Image, Topic<CompressedImage>::Wire>(core, RawTopicOf<CompressedImage>(core->options), deliver, nullptr);
+    compressed_ = MakeTypedReader<Image, Topic<CompressedImage>::Wire>(core, RawTopicOf<CompressedImage>(core->options),
+                                                                       deliver, nullptr);
   }
 
   int MatchedWriters() const override { return raw_->MatchedWriters() + compressed_->MatchedWriters(); }
@@ -171,7 +174,8 @@ std::unique_ptr<Writer<T>> Bus::CreateWriter() {
 }
 
 template <class T>
-std::unique_ptr<Reader> Bus::CreateReader(std::function<void(T)> handler, std::function<void(int)> on_liveliness_changed) {
+std::unique_ptr<Reader> Bus::CreateReader(std::function<void(T)> handler,
+                                          std::function<void(int)> on_liveliness_changed) {
   if constexpr (std::is_same_v<T, Image>) {
     return std::make_unique<ImageReader>(&core(), std::move(handler));
   } else {

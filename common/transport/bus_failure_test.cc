@@ -22,7 +22,8 @@ class BusFailureTest : public testing::TestWithParam<VendorPair> {
 
 TEST_P(BusFailureTest, AWriterThatStopsAssertingIsNoticedAndSoIsItsReturn) {
   Inbox<int> alive;
-  const auto reader = reading_->CreateReader<ProcessStatus>([](ProcessStatus) {}, [&](int writers) { alive.Put(writers); });
+  const auto reader =
+      reading_->CreateReader<ProcessStatus>([](ProcessStatus) {}, [&](int writers) { alive.Put(writers); });
   const auto writer = writing_->CreateWriter<ProcessStatus>();
   writer->Write(RandomProcessStatus(&random_));  // which asserts it too
   ASSERT_TRUE(alive.WaitUntilAny([](int writers) { return writers == 1; }));
@@ -37,7 +38,8 @@ TEST_P(BusFailureTest, AWriterThatStopsAssertingIsNoticedAndSoIsItsReturn) {
 
 TEST_P(BusFailureTest, AWriterThatEndsIsNoticed) {
   Inbox<int> alive;
-  const auto reader = reading_->CreateReader<ProcessStatus>([](ProcessStatus) {}, [&](int writers) { alive.Put(writers); });
+  const auto reader =
+      reading_->CreateReader<ProcessStatus>([](ProcessStatus) {}, [&](int writers) { alive.Put(writers); });
   auto writer = writing_->CreateWriter<ProcessStatus>();
   writer->Write(RandomProcessStatus(&random_));
   ASSERT_TRUE(alive.WaitUntilAny([](int writers) { return writers == 1; }));
@@ -48,7 +50,8 @@ TEST_P(BusFailureTest, AWriterThatEndsIsNoticed) {
 
 TEST_P(BusFailureTest, OneDeadWriterOfTwoIsNoticed) {
   Inbox<int> alive;
-  const auto reader = reading_->CreateReader<ProcessStatus>([](ProcessStatus) {}, [&](int writers) { alive.Put(writers); });
+  const auto reader =
+      reading_->CreateReader<ProcessStatus>([](ProcessStatus) {}, [&](int writers) { alive.Put(writers); });
   const std::unique_ptr<Bus> second_bus = MakeTestBus(std::get<0>(GetParam()));
   const auto first = writing_->CreateWriter<ProcessStatus>();
   const auto second = second_bus->CreateWriter<ProcessStatus>();
@@ -88,8 +91,8 @@ RawTopic TopicOf() {
   return RawTopic{Topic<T>::kName, Topic<T>::kType, Topic<T>::kKeyed, Topic<T>::Qos()};
 }
 
-/// Malformed samples are counted and dropped, and the reader goes on: the good message after them arrives. Keyed and unkeyed topics, samples shorter
-/// than a key or a header among them.
+/// Malformed samples are counted and dropped, and the reader goes on: the good message after them arrives. Keyed and
+/// unkeyed topics, samples shorter than a key or a header among them.
 template <class T>
 void ExpectMalformedToBeCounted(const VendorPair& vendors, Bus* reading, const T& good) {
   RawWriting raw(std::get<0>(vendors), TopicOf<T>());
@@ -137,7 +140,8 @@ TEST_P(BusFailureTest, AMessageThatFailsValidationIsCounted) {
   Request last = RandomRequest(&random_);
   last.kind = "last";
   ASSERT_TRUE(writer->Write(last));
-  ASSERT_TRUE(inbox.WaitUntilAny([](const Request& request) { return request.kind == "last"; }));  // in order: the bad one is through
+  ASSERT_TRUE(inbox.WaitUntilAny(
+      [](const Request& request) { return request.kind == "last"; }));  // in order: the bad one is through
   EXPECT_EQ(reading_->Counters().at("request").malformed, 1u);
 }
 
@@ -146,7 +150,8 @@ TEST_P(BusFailureTest, ReadersEndWhileSamplesCome) {
   const MapperState state = RandomMapperState(&random_);
   for (int i = 0; i < 10; ++i) {
     Inbox<MapperState> inbox;
-    const auto reader = reading_->CreateReader<MapperState>([&](MapperState received) { inbox.Put(std::move(received)); });
+    const auto reader =
+        reading_->CreateReader<MapperState>([&](MapperState received) { inbox.Put(std::move(received)); });
     ASSERT_TRUE(PublishUntilReceived(writer.get(), state, &inbox));
     for (int k = 0; k < 100; ++k) writer->Write(state);
   }

@@ -5,7 +5,8 @@
 #include "transport/bus_testing.h"
 #include "transport/topics.h"
 
-// The settings for networks without multicast and for lossy links, on any pair of vendors. Here they only run over the loopback.
+// The settings for networks without multicast and for lossy links, on any pair of vendors. Here they only run over the
+// loopback.
 
 namespace portolan {
 namespace {

@@ -16,7 +16,8 @@ constexpr size_t kMaxHostNameBytes = 253;  // RFC 1035
 
 bool OnlyHas(const std::string& text, const char* others) {
   return std::all_of(text.begin(), text.end(), [others](char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || (c != '\0' && std::strchr(others, c) != nullptr);
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
+           (c != '\0' && std::strchr(others, c) != nullptr);
   });
 }
 
@@ -42,7 +43,9 @@ Result<DdsVendor> ParseDdsVendor(const std::string& name) {
   return Error{"DDS vendor '" + name + "' is unknown: fastdds or cyclonedds expected"};
 }
 
-std::string ToString(DdsVendor vendor) { return vendor == DdsVendor::kFastDds ? "fastdds" : "cyclonedds"; }
+std::string ToString(DdsVendor vendor) {
+  return vendor == DdsVendor::kFastDds ? "fastdds" : "cyclonedds";
+}
 
 Status BusOptions::Check() const {
   if (domain < 0 || domain > kMaxDomain) {

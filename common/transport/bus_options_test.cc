@@ -13,10 +13,13 @@ TEST(BusOptionsTest, VendorsAreNamed) {
   EXPECT_EQ(ParseDdsVendor("fastdds").value(), DdsVendor::kFastDds);
   EXPECT_EQ(ParseDdsVendor("cyclonedds").value(), DdsVendor::kCycloneDds);
   EXPECT_THAT(ParseDdsVendor("opendds").error().message, HasSubstr("opendds"));
-  for (const DdsVendor vendor : {DdsVendor::kFastDds, DdsVendor::kCycloneDds}) EXPECT_EQ(ParseDdsVendor(ToString(vendor)).value(), vendor);
+  for (const DdsVendor vendor : {DdsVendor::kFastDds, DdsVendor::kCycloneDds})
+    EXPECT_EQ(ParseDdsVendor(ToString(vendor)).value(), vendor);
 }
 
-TEST(BusOptionsTest, DefaultsAreValid) { EXPECT_TRUE(BusOptions().Check().ok()); }
+TEST(BusOptionsTest, DefaultsAreValid) {
+  EXPECT_TRUE(BusOptions().Check().ok());
+}
 
 TEST(BusOptionsTest, EachFieldIsChecked) {
   BusOptions options;

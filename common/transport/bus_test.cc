@@ -5,9 +5,9 @@
 #include <tuple>
 
 #include "messages/random_messages.h"
+#include "messages/wire_codec.h"
 #include "transport/bus_testing.h"
 #include "transport/topics.h"
-#include "messages/wire_codec.h"
 
 namespace portolan {
 namespace {
@@ -37,16 +37,36 @@ TEST_P(BusPairTest, CarriesKeyFramesOf2000Features) {
   ExpectDelivered(message);
   RecordProperty("keyframe_bytes", static_cast<int>(EncodeSample(ToWire(message)).size()));
 }
-TEST_P(BusPairTest, CarriesMapDeltas) { ExpectDelivered(RandomDelta(8000, &random_)); }
-TEST_P(BusPairTest, CarriesSnapshotRequests) { ExpectDelivered(RandomSnapshotRequest(&random_)); }
-TEST_P(BusPairTest, CarriesCorrections) { ExpectDelivered(RandomCorrection(&random_)); }
-TEST_P(BusPairTest, CarriesCommands) { ExpectDelivered(RandomCommand(&random_)); }
-TEST_P(BusPairTest, CarriesRequests) { ExpectDelivered(RandomRequest(&random_)); }
-TEST_P(BusPairTest, CarriesReplies) { ExpectDelivered(RandomReply(&random_)); }
-TEST_P(BusPairTest, CarriesTrackerStates) { ExpectDelivered(RandomTrackerState(&random_)); }
-TEST_P(BusPairTest, CarriesMapperStates) { ExpectDelivered(RandomMapperState(&random_)); }
-TEST_P(BusPairTest, CarriesProcessStatuses) { ExpectDelivered(RandomProcessStatus(&random_)); }
-TEST_P(BusPairTest, CarriesImages) { ExpectDelivered(RandomImage(1241, 376, &random_)); }
+TEST_P(BusPairTest, CarriesMapDeltas) {
+  ExpectDelivered(RandomDelta(8000, &random_));
+}
+TEST_P(BusPairTest, CarriesSnapshotRequests) {
+  ExpectDelivered(RandomSnapshotRequest(&random_));
+}
+TEST_P(BusPairTest, CarriesCorrections) {
+  ExpectDelivered(RandomCorrection(&random_));
+}
+TEST_P(BusPairTest, CarriesCommands) {
+  ExpectDelivered(RandomCommand(&random_));
+}
+TEST_P(BusPairTest, CarriesRequests) {
+  ExpectDelivered(RandomRequest(&random_));
+}
+TEST_P(BusPairTest, CarriesReplies) {
+  ExpectDelivered(RandomReply(&random_));
+}
+TEST_P(BusPairTest, CarriesTrackerStates) {
+  ExpectDelivered(RandomTrackerState(&random_));
+}
+TEST_P(BusPairTest, CarriesMapperStates) {
+  ExpectDelivered(RandomMapperState(&random_));
+}
+TEST_P(BusPairTest, CarriesProcessStatuses) {
+  ExpectDelivered(RandomProcessStatus(&random_));
+}
+TEST_P(BusPairTest, CarriesImages) {
+  ExpectDelivered(RandomImage(1241, 376, &random_));
+}
 
 TEST_P(BusPairTest, NumbersImagesAsTheyCome) {
   Inbox<Image> inbox;
@@ -66,7 +86,8 @@ TEST_P(BusPairTest, NumbersImagesAsTheyCome) {
 TEST_P(BusPairTest, KeepsTheOrderOfAReliableTopicAndLosesNothing) {
   constexpr uint32_t kCount = 500;
   Inbox<MapperState> inbox;
-  const auto reader = reading_->CreateReader<MapperState>([&](MapperState received) { inbox.Put(std::move(received)); });
+  const auto reader =
+      reading_->CreateReader<MapperState>([&](MapperState received) { inbox.Put(std::move(received)); });
   const auto writer = writing_->CreateWriter<MapperState>();
   MapperState state;
   state.process = ProcessId(1, 2, 3);
@@ -99,7 +120,8 @@ TEST_P(BusPairTest, ALateReaderGetsTheLastStatusAndAllCommands) {
 
   Inbox<ProcessStatus> status_inbox;
   Inbox<Command> command_inbox;
-  const auto status_reader = reading_->CreateReader<ProcessStatus>([&](ProcessStatus s) { status_inbox.Put(std::move(s)); });
+  const auto status_reader =
+      reading_->CreateReader<ProcessStatus>([&](ProcessStatus s) { status_inbox.Put(std::move(s)); });
   const auto command_reader = reading_->CreateReader<Command>([&](Command c) { command_inbox.Put(c); });
   ASSERT_TRUE(status_inbox.WaitFor(1));
   EXPECT_EQ(status_inbox.values().front().state, "new");
@@ -110,12 +132,14 @@ TEST_P(BusPairTest, ALateReaderGetsTheLastStatusAndAllCommands) {
 TEST_P(BusPairTest, PartitionsKeepRobotsApart) {
   const std::unique_ptr<Bus> other = MakeTestBus(std::get<0>(GetParam()), "other");
   Inbox<MapperState> inbox;
-  const auto reader = reading_->CreateReader<MapperState>([&](MapperState received) { inbox.Put(std::move(received)); });
+  const auto reader =
+      reading_->CreateReader<MapperState>([&](MapperState received) { inbox.Put(std::move(received)); });
   const auto writer = writing_->CreateWriter<MapperState>();
   const auto other_writer = other->CreateWriter<MapperState>();
   // The other robot's writer and reader know each other before anything is expected of the first.
   Inbox<MapperState> other_inbox;
-  const auto other_reader = other->CreateReader<MapperState>([&](MapperState received) { other_inbox.Put(std::move(received)); });
+  const auto other_reader =
+      other->CreateReader<MapperState>([&](MapperState received) { other_inbox.Put(std::move(received)); });
   const MapperState mine = RandomMapperState(&random_), others = RandomMapperState(&random_);
   ASSERT_TRUE(PublishUntilReceived(other_writer.get(), others, &other_inbox));
   ASSERT_TRUE(PublishUntilReceived(writer.get(), mine, &inbox));

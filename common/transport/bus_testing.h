@@ -17,7 +17,9 @@ namespace portolan {
 constexpr std::chrono::seconds kTestDeadline(20);
 
 /// A domain that other tests and systems on this machine don't use (with a fair chance): by process id, 100 to 229.
-inline int TestDomain() { return 100 + static_cast<int>(getpid() % 130); }
+inline int TestDomain() {
+  return 100 + static_cast<int>(getpid() % 130);
+}
 
 inline BusOptions TestOptions(DdsVendor vendor, const std::string& partition = "test") {
   BusOptions options;

@@ -33,11 +33,13 @@ class CycloneDdsBus final : public RawBus {
 
   Status Join(const BusOptions& options, const std::vector<std::string>& peers) {
     const char* user_uri = std::getenv("CYCLONEDDS_URI");
-    const Status joined = domain_.Join(options.domain, CycloneDdsConfig(options, peers, user_uri == nullptr ? "" : user_uri));
+    const Status joined =
+        domain_.Join(options.domain, CycloneDdsConfig(options, peers, user_uri == nullptr ? "" : user_uri));
     if (!joined.ok()) return joined;
     participant_ = dds_create_participant(static_cast<dds_domainid_t>(options.domain), nullptr, nullptr);
     if (participant_ < 0) {
-      return Error{"Cyclone DDS made no participant in domain " + std::to_string(options.domain) + ": " + dds_strretcode(participant_)};
+      return Error{"Cyclone DDS made no participant in domain " + std::to_string(options.domain) + ": " +
+                   dds_strretcode(participant_)};
     }
     return MakeGroup("", &everyone_) && MakeGroup(options.partition, &robot_)
                ? Status(Ok{})
@@ -70,7 +72,8 @@ class CycloneDdsBus final : public RawBus {
     const auto found = topics_.find(topic.name);
     if (found != topics_.end()) return found->second;
     ddsi_sertype* type = MakeCycloneDdsType(topic.type, topic.keyed);
-    const dds_entity_t made = dds_create_topic_sertype(participant_, topic.name.c_str(), &type, nullptr, nullptr, nullptr);
+    const dds_entity_t made =
+        dds_create_topic_sertype(participant_, topic.name.c_str(), &type, nullptr, nullptr, nullptr);
     if (made < 0) {
       ddsi_sertype_unref(type);
       return Error{"Cyclone DDS made no topic " + topic.name + ": " + dds_strretcode(made)};

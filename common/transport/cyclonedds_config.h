@@ -7,8 +7,10 @@
 
 namespace portolan {
 
-/// Cyclone DDS's configuration for these options, as XML, followed by what the user set in CYCLONEDDS_URI, which overrides it.
+/// Cyclone DDS's configuration for these options, as XML, followed by what the user set in CYCLONEDDS_URI, which
+/// overrides it.
 /// @param user_uri value of CYCLONEDDS_URI, empty if unset.
-std::string CycloneDdsConfig(const BusOptions& options, const std::vector<std::string>& peers, const std::string& user_uri);
+std::string CycloneDdsConfig(const BusOptions& options, const std::vector<std::string>& peers,
+                             const std::string& user_uri);
 
 }  // namespace portolan

@@ -16,7 +16,8 @@ constexpr int kDomain = 229;  // domains are made and left at once: nothing is s
 TEST(CycloneDdsConfigTest, CycloneAcceptsEveryForm) {
   BusOptions options;
   for (const bool small : {false, true}) {
-    for (const std::vector<std::string>& peers : {std::vector<std::string>{}, std::vector<std::string>{"127.0.0.1", "10.1.2.3"}}) {
+    for (const std::vector<std::string>& peers :
+         {std::vector<std::string>{}, std::vector<std::string>{"127.0.0.1", "10.1.2.3"}}) {
       options.small_datagrams = small;
       CycloneDdsDomain domain;
       const Status joined = domain.Join(kDomain, CycloneDdsConfig(options, peers, ""));

@@ -6,8 +6,9 @@
 
 namespace portolan {
 
-/// A share in a Cyclone DDS domain of this process. The library holds domains process-wide and deletes everything in one when it is deleted: so the
-/// first share creates it and the last one deletes it. The configuration is the first share's.
+/// A share in a Cyclone DDS domain of this process. The library holds domains process-wide and deletes everything in
+/// one when it is deleted: so the first share creates it and the last one deletes it. The configuration is the first
+/// share's.
 class CycloneDdsDomain {
  public:
   CycloneDdsDomain() = default;

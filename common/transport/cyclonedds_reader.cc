@@ -13,13 +13,14 @@ namespace {
 /// Samples taken at once; any number does.
 constexpr size_t kBatch = 32;
 
-constexpr uint32_t kStatuses =
-    DDS_LIVELINESS_CHANGED_STATUS | DDS_SAMPLE_LOST_STATUS | DDS_SAMPLE_REJECTED_STATUS | DDS_REQUESTED_INCOMPATIBLE_QOS_STATUS;
+constexpr uint32_t kStatuses = DDS_LIVELINESS_CHANGED_STATUS | DDS_SAMPLE_LOST_STATUS | DDS_SAMPLE_REJECTED_STATUS |
+                               DDS_REQUESTED_INCOMPATIBLE_QOS_STATUS;
 
 }  // namespace
 
-Result<std::unique_ptr<Reader>> CycloneDdsReader::Create(dds_entity_t participant, dds_entity_t subscriber, dds_entity_t made_topic,
-                                                         const RawTopic& topic, RawReaderEvents events) {
+Result<std::unique_ptr<Reader>> CycloneDdsReader::Create(dds_entity_t participant, dds_entity_t subscriber,
+                                                         dds_entity_t made_topic, const RawTopic& topic,
+                                                         RawReaderEvents events) {
   std::unique_ptr<CycloneDdsReader> reader(new CycloneDdsReader(topic, std::move(events)));
   const Status opened = reader->Open(participant, subscriber, made_topic, topic.qos);
   if (!opened.ok()) return opened.error();
@@ -27,7 +28,8 @@ Result<std::unique_ptr<Reader>> CycloneDdsReader::Create(dds_entity_t participan
   return std::unique_ptr<Reader>(std::move(reader));
 }
 
-Status CycloneDdsReader::Open(dds_entity_t participant, dds_entity_t subscriber, dds_entity_t made_topic, const TopicQos& qos) {
+Status CycloneDdsReader::Open(dds_entity_t participant, dds_entity_t subscriber, dds_entity_t made_topic,
+                              const TopicQos& qos) {
   reader_ = dds_create_reader(subscriber, made_topic, MakeCycloneDdsReaderQos(qos).get(), nullptr);
   if (reader_ < 0) return Error{std::string("Cyclone DDS made no reader: ") + dds_strretcode(reader_)};
   dds_set_status_mask(reader_, kStatuses);
@@ -36,7 +38,8 @@ Status CycloneDdsReader::Open(dds_entity_t participant, dds_entity_t subscriber,
   wait_set_ = dds_create_waitset(participant);
   for (const dds_entity_t condition : {data, stop_, reader_}) {
     const dds_return_t attached = dds_waitset_attach(wait_set_, condition, condition);
-    if (attached != DDS_RETCODE_OK) return Error{std::string("Cyclone DDS made no wait set: ") + dds_strretcode(attached)};
+    if (attached != DDS_RETCODE_OK)
+      return Error{std::string("Cyclone DDS made no wait set: ") + dds_strretcode(attached)};
   }
   return Ok{};
 }
@@ -58,7 +61,9 @@ int CycloneDdsReader::MatchedWriters() const {
   return static_cast<int>(status.current_count);
 }
 
-int CycloneDdsReader::AliveWriters() const { return has_lease_ ? alive_writers_.load() : MatchedWriters(); }
+int CycloneDdsReader::AliveWriters() const {
+  return has_lease_ ? alive_writers_.load() : MatchedWriters();
+}
 
 void CycloneDdsReader::Run() {
   while (true) {
@@ -83,8 +88,10 @@ void CycloneDdsReader::HandleStatuses() {
   if (gone > 0) events_.on_lost(static_cast<uint64_t>(gone));
   dds_requested_incompatible_qos_status_t incompatible{};
   dds_get_requested_incompatible_qos_status(reader_, &incompatible);
-  if (incompatible.total_count_change > 0 && incompatible.last_policy_id != DDS_PARTITION_QOS_POLICY_ID) {  // else another robot's
-    spdlog::warn("{}: a writer offers another quality of service (policy {}): not matched", name_, incompatible.last_policy_id);
+  if (incompatible.total_count_change > 0 &&
+      incompatible.last_policy_id != DDS_PARTITION_QOS_POLICY_ID) {  // else another robot's
+    spdlog::warn("{}: a writer offers another quality of service (policy {}): not matched", name_,
+                 incompatible.last_policy_id);
   }
 }
 

@@ -14,8 +14,8 @@ namespace portolan {
 /// A reader with a thread of its own, which sleeps in a wait set until there is something to do.
 class CycloneDdsReader final : public Reader {
  public:
-  static Result<std::unique_ptr<Reader>> Create(dds_entity_t participant, dds_entity_t subscriber, dds_entity_t made_topic,
-                                                const RawTopic& topic, RawReaderEvents events);
+  static Result<std::unique_ptr<Reader>> Create(dds_entity_t participant, dds_entity_t subscriber,
+                                                dds_entity_t made_topic, const RawTopic& topic, RawReaderEvents events);
   ~CycloneDdsReader() override;
 
   int MatchedWriters() const override;

@@ -12,7 +12,8 @@
 
 #include "messages/wire_codec.h"
 
-// The library calls these functions from its C code: they must not throw, and return null or false when memory runs out.
+// The library calls these functions from its C code: they must not throw, and return null or false when memory runs
+// out.
 
 namespace portolan {
 namespace {
@@ -28,11 +29,19 @@ struct Serdata {
   SampleKey key;
 };
 
-Serdata* Own(ddsi_serdata* data) { return reinterpret_cast<Serdata*>(data); }
-const Serdata* Own(const ddsi_serdata* data) { return reinterpret_cast<const Serdata*>(data); }
-bool IsKeyed(const ddsi_sertype* type) { return reinterpret_cast<const Sertype*>(type)->keyed; }
+Serdata* Own(ddsi_serdata* data) {
+  return reinterpret_cast<Serdata*>(data);
+}
+const Serdata* Own(const ddsi_serdata* data) {
+  return reinterpret_cast<const Serdata*>(data);
+}
+bool IsKeyed(const ddsi_sertype* type) {
+  return reinterpret_cast<const Sertype*>(type)->keyed;
+}
 
-size_t PaddedSize(size_t size) { return (size + 3) & ~size_t{3}; }
+size_t PaddedSize(size_t size) {
+  return (size + 3) & ~size_t{3};
+}
 
 ddsi_serdata* Finish(std::unique_ptr<Serdata> data, const ddsi_sertype* type) {
   data->base.hash = ddsrt_mh3(data->key.bytes, SampleKey::kBytes, 0) ^ type->serdata_basehash;
@@ -65,12 +74,17 @@ ddsi_serdata* FromKey(const ddsi_sertype* type, const SampleKey& key) try {
   return nullptr;
 }
 
-bool EqualKey(const ddsi_serdata* a, const ddsi_serdata* b) { return std::memcmp(Own(a)->key.bytes, Own(b)->key.bytes, SampleKey::kBytes) == 0; }
+bool EqualKey(const ddsi_serdata* a, const ddsi_serdata* b) {
+  return std::memcmp(Own(a)->key.bytes, Own(b)->key.bytes, SampleKey::kBytes) == 0;
+}
 
-uint32_t GetSize(const ddsi_serdata* data) { return static_cast<uint32_t>(Own(data)->bytes.size()); }
+uint32_t GetSize(const ddsi_serdata* data) {
+  return static_cast<uint32_t>(Own(data)->bytes.size());
+}
 
 /// From received fragments, which may overlap.
-ddsi_serdata* FromFragments(const ddsi_sertype* type, ddsi_serdata_kind kind, const nn_rdata* fragment, size_t size) try {
+ddsi_serdata* FromFragments(const ddsi_sertype* type, ddsi_serdata_kind kind, const nn_rdata* fragment,
+                            size_t size) try {
   SampleBytes bytes(size);
   size_t end = 0;
   for (; fragment != nullptr; fragment = fragment->nextfrag) {
@@ -84,8 +98,8 @@ ddsi_serdata* FromFragments(const ddsi_sertype* type, ddsi_serdata_kind kind, co
   return nullptr;
 }
 
-ddsi_serdata* FromVectors(const ddsi_sertype* type, ddsi_serdata_kind kind, ddsrt_msg_iovlen_t count, const ddsrt_iovec_t* vectors,
-                          size_t size) try {
+ddsi_serdata* FromVectors(const ddsi_sertype* type, ddsi_serdata_kind kind, ddsrt_msg_iovlen_t count,
+                          const ddsrt_iovec_t* vectors, size_t size) try {
   SampleBytes bytes;
   bytes.reserve(PaddedSize(size));
   for (ddsrt_msg_iovlen_t i = 0; i < count && bytes.size() < size; ++i) {
@@ -111,7 +125,9 @@ ddsi_serdata* FromSample(const ddsi_sertype* type, ddsi_serdata_kind kind, const
   return nullptr;
 }
 
-void ToBytes(const ddsi_serdata* data, size_t offset, size_t size, void* buffer) { std::memcpy(buffer, Own(data)->bytes.data() + offset, size); }
+void ToBytes(const ddsi_serdata* data, size_t offset, size_t size, void* buffer) {
+  std::memcpy(buffer, Own(data)->bytes.data() + offset, size);
+}
 
 ddsi_serdata* ToBytesRef(const ddsi_serdata* data, size_t offset, size_t size, ddsrt_iovec_t* reference) {
   reference->iov_base = const_cast<uint8_t*>(Own(data)->bytes.data() + offset);
@@ -119,7 +135,9 @@ ddsi_serdata* ToBytesRef(const ddsi_serdata* data, size_t offset, size_t size, d
   return ddsi_serdata_ref(data);
 }
 
-void ToBytesUnref(ddsi_serdata* data, const ddsrt_iovec_t* /*reference*/) { ddsi_serdata_unref(data); }
+void ToBytesUnref(ddsi_serdata* data, const ddsrt_iovec_t* /*reference*/) {
+  ddsi_serdata_unref(data);
+}
 
 bool ToSample(const ddsi_serdata* data, void* sample, void** /*buffer*/, void* /*limit*/) try {
   *static_cast<SampleBytes*>(sample) = Own(data)->bytes;
@@ -137,11 +155,14 @@ ddsi_serdata* ToUntyped(const ddsi_serdata* data) {
   return key;
 }
 
-bool UntypedToSample(const ddsi_sertype* /*type*/, const ddsi_serdata* /*data*/, void* /*sample*/, void** /*buffer*/, void* /*limit*/) {
+bool UntypedToSample(const ddsi_sertype* /*type*/, const ddsi_serdata* /*data*/, void* /*sample*/, void** /*buffer*/,
+                     void* /*limit*/) {
   return true;  // a sample without data: its bytes stay empty
 }
 
-void Free(ddsi_serdata* data) { delete Own(data); }
+void Free(ddsi_serdata* data) {
+  delete Own(data);
+}
 
 size_t Print(const ddsi_sertype* /*type*/, const ddsi_serdata* /*data*/, char* buffer, size_t size) {
   if (size > 0) buffer[0] = '\0';
@@ -192,7 +213,9 @@ ddsi_sertype_ops MakeSertypeOps() {
   ops.zero_samples = [](const ddsi_sertype*, void*, size_t) {};
   ops.realloc_samples = [](void**, const ddsi_sertype*, void*, size_t, size_t) {};
   ops.free_samples = [](const ddsi_sertype*, void**, size_t, dds_free_op_t) {};
-  ops.equal = [](const ddsi_sertype*, const ddsi_sertype*) { return true; };  // names and keys are compared by the library
+  ops.equal = [](const ddsi_sertype*, const ddsi_sertype*) {
+    return true;
+  };  // names and keys are compared by the library
   ops.hash = [](const ddsi_sertype*) -> uint32_t { return 0; };
   return ops;
 }
@@ -209,8 +232,12 @@ ddsi_sertype* MakeCycloneDdsType(const std::string& name, bool keyed) {
   return &type->base;
 }
 
-ddsi_serdata* MakeCycloneDdsSample(const ddsi_sertype* type, SampleBytes bytes) { return FromBytes(type, SDK_DATA, std::move(bytes)); }
+ddsi_serdata* MakeCycloneDdsSample(const ddsi_sertype* type, SampleBytes bytes) {
+  return FromBytes(type, SDK_DATA, std::move(bytes));
+}
 
-const SampleBytes& BytesOfCycloneDdsSample(const ddsi_serdata* sample) { return Own(sample)->bytes; }
+const SampleBytes& BytesOfCycloneDdsSample(const ddsi_serdata* sample) {
+  return Own(sample)->bytes;
+}
 
 }  // namespace portolan

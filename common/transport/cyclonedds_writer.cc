@@ -14,8 +14,8 @@ struct ListenerDeleter {
 
 }  // namespace
 
-Result<std::unique_ptr<RawWriter>> CycloneDdsWriter::Create(dds_entity_t publisher, dds_entity_t made_topic, const ddsi_sertype* type,
-                                                            const RawTopic& topic) {
+Result<std::unique_ptr<RawWriter>> CycloneDdsWriter::Create(dds_entity_t publisher, dds_entity_t made_topic,
+                                                            const ddsi_sertype* type, const RawTopic& topic) {
   std::unique_ptr<CycloneDdsWriter> writer(new CycloneDdsWriter(topic.name, type));
   const std::unique_ptr<dds_listener_t, ListenerDeleter> listener(dds_create_listener(writer.get()));
   dds_lset_offered_incompatible_qos(listener.get(), LogIncompatibleQos);
@@ -28,10 +28,11 @@ CycloneDdsWriter::~CycloneDdsWriter() {
   if (writer_ > 0) dds_delete(writer_);
 }
 
-void CycloneDdsWriter::LogIncompatibleQos(dds_entity_t /*writer*/, const dds_offered_incompatible_qos_status_t status, void* self) {
+void CycloneDdsWriter::LogIncompatibleQos(dds_entity_t /*writer*/, const dds_offered_incompatible_qos_status_t status,
+                                          void* self) {
   if (status.last_policy_id == DDS_PARTITION_QOS_POLICY_ID) return;  // another robot's, as it should be
-  spdlog::warn("{}: a reader asks for another quality of service (policy {}): not matched", static_cast<CycloneDdsWriter*>(self)->name_,
-               status.last_policy_id);
+  spdlog::warn("{}: a reader asks for another quality of service (policy {}): not matched",
+               static_cast<CycloneDdsWriter*>(self)->name_, status.last_policy_id);
 }
 
 Status CycloneDdsWriter::Write(SampleBytes sample) {
@@ -48,7 +49,9 @@ int CycloneDdsWriter::MatchedReaders() const {
   return static_cast<int>(status.current_count);
 }
 
-void CycloneDdsWriter::AssertLiveliness() { dds_assert_liveliness(writer_); }
+void CycloneDdsWriter::AssertLiveliness() {
+  dds_assert_liveliness(writer_);
+}
 
 bool CycloneDdsWriter::WaitForAcknowledgments(double seconds) {
   return dds_wait_for_acks(writer_, static_cast<dds_duration_t>(seconds * 1e9)) == DDS_RETCODE_OK;

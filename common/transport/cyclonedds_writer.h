@@ -14,8 +14,8 @@ namespace portolan {
 class CycloneDdsWriter final : public RawWriter {
  public:
   /// @param type made_topic's, as the library returned it.
-  static Result<std::unique_ptr<RawWriter>> Create(dds_entity_t publisher, dds_entity_t made_topic, const ddsi_sertype* type,
-                                                   const RawTopic& topic);
+  static Result<std::unique_ptr<RawWriter>> Create(dds_entity_t publisher, dds_entity_t made_topic,
+                                                   const ddsi_sertype* type, const RawTopic& topic);
   ~CycloneDdsWriter() override;
 
   Status Write(SampleBytes sample) override;

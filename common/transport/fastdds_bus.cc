@@ -1,10 +1,10 @@
+#include <fastrtps/xmlparser/XMLProfileManager.h>
 #include <fastdds/dds/domain/DomainParticipant.hpp>
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
 #include <fastdds/dds/publisher/Publisher.hpp>
 #include <fastdds/dds/subscriber/Subscriber.hpp>
 #include <fastdds/dds/topic/Topic.hpp>
 #include <fastdds/dds/topic/TypeSupport.hpp>
-#include <fastrtps/xmlparser/XMLProfileManager.h>
 #include <map>
 
 #include "transport/fastdds_qos.h"
@@ -38,8 +38,8 @@ class FastDdsBus final : public RawBus {
     settings.intraprocess_delivery = eprosima::fastrtps::INTRAPROCESS_OFF;
     eprosima::fastrtps::xmlparser::XMLProfileManager::library_settings(settings);
 
-    participant_ = dds::DomainParticipantFactory::get_instance()->create_participant(static_cast<dds::DomainId_t>(options.domain),
-                                                                                     FastDdsParticipantQos(options, peers));
+    participant_ = dds::DomainParticipantFactory::get_instance()->create_participant(
+        static_cast<dds::DomainId_t>(options.domain), FastDdsParticipantQos(options, peers));
     if (participant_ == nullptr) {
       return Error{"Fast DDS made no participant in domain " + std::to_string(options.domain) + " (its log says why)"};
     }

@@ -36,7 +36,8 @@ template <class EndpointQos>
 void SetCommon(const TopicQos& qos, EndpointQos* endpoint) {
   endpoint->reliability().kind = qos.reliable ? dds::RELIABLE_RELIABILITY_QOS : dds::BEST_EFFORT_RELIABILITY_QOS;
   endpoint->reliability().max_blocking_time = FastDdsDuration(qos.max_blocking_ms / 1e3);
-  endpoint->durability().kind = qos.transient_local ? dds::TRANSIENT_LOCAL_DURABILITY_QOS : dds::VOLATILE_DURABILITY_QOS;
+  endpoint->durability().kind =
+      qos.transient_local ? dds::TRANSIENT_LOCAL_DURABILITY_QOS : dds::VOLATILE_DURABILITY_QOS;
   endpoint->history().kind = qos.keep_all ? dds::KEEP_ALL_HISTORY_QOS : dds::KEEP_LAST_HISTORY_QOS;
   endpoint->history().depth = qos.depth;
   endpoint->resource_limits().max_samples = qos.max_samples;
@@ -77,15 +78,17 @@ dds::DomainParticipantQos FastDdsParticipantQos(const BusOptions& options, const
     rtps::IPLocator::setIPv4(locator, peer);
     builtin.initialPeersList.push_back(locator);
   }
-  if (!peers.empty()) builtin.metatrafficUnicastLocatorList.push_back(rtps::Locator_t());  // any address, and no multicast
+  if (!peers.empty())
+    builtin.metatrafficUnicastLocatorList.push_back(rtps::Locator_t());  // any address, and no multicast
   return qos;
 }
 
 dds::DataWriterQos FastDdsWriterQos(const TopicQos& qos) {
   dds::DataWriterQos writer;
   SetCommon(qos, &writer);
-  // Asynchronous publishing deadlocks in 2.9.1 when a reader leaves while samples wait to be sent: discovery and the sending thread take the locks of
-  // writer and flow controller in opposite order (github.com/eProsima/Fast-DDS/pull/3468). It also costs a change of threads, 15 ms on a loaded machine.
+  // Asynchronous publishing deadlocks in 2.9.1 when a reader leaves while samples wait to be sent: discovery and the
+  // sending thread take the locks of writer and flow controller in opposite order
+  // (github.com/eProsima/Fast-DDS/pull/3468). It also costs a change of threads, 15 ms on a loaded machine.
   writer.publish_mode().kind = dds::SYNCHRONOUS_PUBLISH_MODE;
   writer.reliable_writer_qos().times.heartbeatPeriod = FastDdsDuration(kHeartbeatPeriodS);
   return writer;

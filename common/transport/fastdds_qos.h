@@ -13,7 +13,8 @@ namespace portolan {
 
 // Settings of Fast DDS without which it crawls or loses (design/dds.md); each is explained where it is set.
 
-eprosima::fastdds::dds::DomainParticipantQos FastDdsParticipantQos(const BusOptions& options, const std::vector<std::string>& peers);
+eprosima::fastdds::dds::DomainParticipantQos FastDdsParticipantQos(const BusOptions& options,
+                                                                   const std::vector<std::string>& peers);
 eprosima::fastdds::dds::DataWriterQos FastDdsWriterQos(const TopicQos& qos);
 eprosima::fastdds::dds::DataReaderQos FastDdsReaderQos(const TopicQos& qos);
 eprosima::fastrtps::Duration_t FastDdsDuration(double seconds);

@@ -10,15 +10,16 @@ namespace portolan {
 
 namespace dds = eprosima::fastdds::dds;
 
-Result<std::unique_ptr<Reader>> FastDdsReader::Create(dds::Subscriber* subscriber, dds::Topic* topic, const TopicQos& qos,
-                                                      RawReaderEvents events) {
+Result<std::unique_ptr<Reader>> FastDdsReader::Create(dds::Subscriber* subscriber, dds::Topic* topic,
+                                                      const TopicQos& qos, RawReaderEvents events) {
   std::unique_ptr<FastDdsReader> reader(new FastDdsReader(subscriber, qos.liveliness_lease_ms > 0, std::move(events)));
   reader->reader_ = subscriber->create_datareader(topic, FastDdsReaderQos(qos), nullptr, dds::StatusMask::none());
   if (reader->reader_ == nullptr) return Error{"Fast DDS made no reader (its log says why)"};
   dds::StatusCondition& condition = reader->reader_->get_statuscondition();
-  condition.set_enabled_statuses(dds::StatusMask::data_available() << dds::StatusMask::liveliness_changed()
-                                                                   << dds::StatusMask::sample_lost() << dds::StatusMask::sample_rejected()
-                                                                   << dds::StatusMask::requested_incompatible_qos());
+  condition.set_enabled_statuses(dds::StatusMask::data_available()
+                                 << dds::StatusMask::liveliness_changed() << dds::StatusMask::sample_lost()
+                                 << dds::StatusMask::sample_rejected()
+                                 << dds::StatusMask::requested_incompatible_qos());
   reader->wait_set_.attach_condition(condition);
   reader->wait_set_.attach_condition(reader->stop_);
   reader->thread_ = std::thread([self = reader.get()] { self->Run(); });
@@ -40,7 +41,9 @@ int FastDdsReader::MatchedWriters() const {
   return status.current_count;
 }
 
-int FastDdsReader::AliveWriters() const { return has_lease_ ? alive_writers_.load() : MatchedWriters(); }
+int FastDdsReader::AliveWriters() const {
+  return has_lease_ ? alive_writers_.load() : MatchedWriters();
+}
 
 void FastDdsReader::Run() {
   dds::ConditionSeq active;
@@ -55,7 +58,8 @@ void FastDdsReader::Run() {
 void FastDdsReader::HandleStatuses() {
   dds::LivelinessChangedStatus liveliness;
   reader_->get_liveliness_changed_status(liveliness);
-  if (has_lease_ && alive_writers_.exchange(liveliness.alive_count) != liveliness.alive_count && events_.on_liveliness_changed) {
+  if (has_lease_ && alive_writers_.exchange(liveliness.alive_count) != liveliness.alive_count &&
+      events_.on_liveliness_changed) {
     events_.on_liveliness_changed(liveliness.alive_count);
   }
   dds::SampleLostStatus lost;
@@ -67,8 +71,8 @@ void FastDdsReader::HandleStatuses() {
   dds::RequestedIncompatibleQosStatus incompatible;
   reader_->get_requested_incompatible_qos_status(incompatible);
   if (incompatible.total_count_change > 0) {
-    spdlog::warn("{}: a writer offers another quality of service (policy {}): not matched", reader_->get_topicdescription()->get_name(),
-                 static_cast<uint32_t>(incompatible.last_policy_id));
+    spdlog::warn("{}: a writer offers another quality of service (policy {}): not matched",
+                 reader_->get_topicdescription()->get_name(), static_cast<uint32_t>(incompatible.last_policy_id));
   }
 }
 

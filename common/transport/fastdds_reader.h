@@ -17,7 +17,8 @@ namespace portolan {
 class FastDdsReader final : public Reader {
  public:
   static Result<std::unique_ptr<Reader>> Create(eprosima::fastdds::dds::Subscriber* subscriber,
-                                                eprosima::fastdds::dds::Topic* topic, const TopicQos& qos, RawReaderEvents events);
+                                                eprosima::fastdds::dds::Topic* topic, const TopicQos& qos,
+                                                RawReaderEvents events);
   ~FastDdsReader() override;
 
   int MatchedWriters() const override;

@@ -1,9 +1,9 @@
 #include "transport/fastdds_sample.h"
 
-#include <algorithm>
-#include <cstring>
 #include <fastdds/rtps/common/InstanceHandle.h>
 #include <fastdds/rtps/common/SerializedPayload.h>
+#include <algorithm>
+#include <cstring>
 
 namespace portolan {
 namespace {
@@ -11,7 +11,9 @@ namespace {
 /// Bytes that Fast DDS takes for a sample before it knows its size; it takes more as needed.
 constexpr uint32_t kFirstSampleBytes = 1024;
 
-SampleBytes* AsSample(void* data) { return static_cast<SampleBytes*>(data); }
+SampleBytes* AsSample(void* data) {
+  return static_cast<SampleBytes*>(data);
+}
 
 }  // namespace
 
@@ -41,9 +43,13 @@ std::function<uint32_t()> FastDdsSampleType::getSerializedSizeProvider(void* dat
   return [data] { return static_cast<uint32_t>(AsSample(data)->size()); };
 }
 
-void* FastDdsSampleType::createData() { return new SampleBytes; }
+void* FastDdsSampleType::createData() {
+  return new SampleBytes;
+}
 
-void FastDdsSampleType::deleteData(void* data) { delete AsSample(data); }
+void FastDdsSampleType::deleteData(void* data) {
+  delete AsSample(data);
+}
 
 bool FastDdsSampleType::getKey(void* data, eprosima::fastrtps::rtps::InstanceHandle_t* handle, bool /*force_md5*/) {
   const SampleKey key = KeyOfSample(AsSample(data)->data(), AsSample(data)->size());

@@ -8,9 +8,11 @@ namespace portolan {
 
 namespace dds = eprosima::fastdds::dds;
 
-Result<std::unique_ptr<RawWriter>> FastDdsWriter::Create(dds::Publisher* publisher, dds::Topic* topic, const TopicQos& qos) {
+Result<std::unique_ptr<RawWriter>> FastDdsWriter::Create(dds::Publisher* publisher, dds::Topic* topic,
+                                                         const TopicQos& qos) {
   std::unique_ptr<FastDdsWriter> writer(new FastDdsWriter(publisher));
-  writer->writer_ = publisher->create_datawriter(topic, FastDdsWriterQos(qos), writer.get(), dds::StatusMask::offered_incompatible_qos());
+  writer->writer_ = publisher->create_datawriter(topic, FastDdsWriterQos(qos), writer.get(),
+                                                 dds::StatusMask::offered_incompatible_qos());
   if (writer->writer_ == nullptr) return Error{"Fast DDS made no writer (its log says why)"};
   return std::unique_ptr<RawWriter>(std::move(writer));
 }
@@ -32,15 +34,18 @@ int FastDdsWriter::MatchedReaders() const {
   return status.current_count;
 }
 
-void FastDdsWriter::AssertLiveliness() { writer_->assert_liveliness(); }
+void FastDdsWriter::AssertLiveliness() {
+  writer_->assert_liveliness();
+}
 
 bool FastDdsWriter::WaitForAcknowledgments(double seconds) {
   return writer_->wait_for_acknowledgments(FastDdsDuration(seconds)) == ReturnCode_t::RETCODE_OK;
 }
 
-void FastDdsWriter::on_offered_incompatible_qos(dds::DataWriter* writer, const dds::OfferedIncompatibleQosStatus& status) {
-  spdlog::warn("{}: a reader asks for another quality of service (policy {}): not matched", writer->get_topic()->get_name(),
-               static_cast<uint32_t>(status.last_policy_id));
+void FastDdsWriter::on_offered_incompatible_qos(dds::DataWriter* writer,
+                                                const dds::OfferedIncompatibleQosStatus& status) {
+  spdlog::warn("{}: a reader asks for another quality of service (policy {}): not matched",
+               writer->get_topic()->get_name(), static_cast<uint32_t>(status.last_policy_id));
 }
 
 }  // namespace portolan

@@ -14,12 +14,14 @@ std::vector<std::string> CheckKernelBuffers(const std::string& folder) {
     if (!(file >> bytes)) continue;  // a container without /proc/sys/net/core: nothing can be said or set
     if (bytes >= kSocketBufferBytes) continue;
     warnings.push_back(std::string("net.core.") + name + " is " + std::to_string(bytes) +
-                       " bytes, too small for bursts of images and keyframes; set it with: sysctl -w net.core." + name + "=" +
-                       std::to_string(kSocketBufferBytes));
+                       " bytes, too small for bursts of images and keyframes; set it with: sysctl -w net.core." + name +
+                       "=" + std::to_string(kSocketBufferBytes));
   }
   return warnings;
 }
 
-std::vector<std::string> CheckKernelBuffers() { return CheckKernelBuffers("/proc/sys/net/core"); }
+std::vector<std::string> CheckKernelBuffers() {
+  return CheckKernelBuffers("/proc/sys/net/core");
+}
 
 }  // namespace portolan

@@ -35,10 +35,13 @@ TEST_F(KernelBuffersTest, LargeEnoughIsFine) {
 TEST_F(KernelBuffersTest, TooSmallNamesTheSysctlAndTheValue) {
   Put("rmem_max", "212992\n");
   Put("wmem_max", "4194304\n");
-  EXPECT_THAT(CheckKernelBuffers(folder_.string()), ElementsAre(testing::AllOf(HasSubstr("212992"), HasSubstr("sysctl -w net.core.rmem_max=4194304"))));
+  EXPECT_THAT(CheckKernelBuffers(folder_.string()),
+              ElementsAre(testing::AllOf(HasSubstr("212992"), HasSubstr("sysctl -w net.core.rmem_max=4194304"))));
 }
 
-TEST_F(KernelBuffersTest, NothingIsSaidOfWhatCannotBeRead) { EXPECT_THAT(CheckKernelBuffers(folder_.string()), IsEmpty()); }
+TEST_F(KernelBuffersTest, NothingIsSaidOfWhatCannotBeRead) {
+  EXPECT_THAT(CheckKernelBuffers(folder_.string()), IsEmpty());
+}
 
 }  // namespace
 }  // namespace portolan

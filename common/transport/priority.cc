@@ -30,7 +30,8 @@ std::string SetScheduler(int policy, int priority) {
 }  // namespace
 
 Status PriorityOptions::Check() const {
-  if (nice < kFirstNice || nice > kLastNice) return Error{"priority.nice is " + std::to_string(nice) + ", -20 to 19 expected"};
+  if (nice < kFirstNice || nice > kLastNice)
+    return Error{"priority.nice is " + std::to_string(nice) + ", -20 to 19 expected"};
   if (realtime < 0 || realtime > kMaxRealtime) {
     return Error{"priority.realtime is " + std::to_string(realtime) + ", 0 (not real-time) or 1 to 99 expected"};
   }
@@ -52,7 +53,7 @@ std::string SetPriority(const PriorityOptions& options) {
 }
 
 void LowerThreadPriority(int steps) {
-  SetScheduler(SCHED_OTHER, 0);                                          // always permitted
+  SetScheduler(SCHED_OTHER, 0);                                        // always permitted
   SetNice(std::min(kLastNice, getpriority(PRIO_PROCESS, 0) + steps));  // so is going back
 }
 

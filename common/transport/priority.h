@@ -13,11 +13,14 @@ struct PriorityOptions {
   Status Check() const;
 };
 
-/// Sets the priority of the calling thread, which threads it starts later inherit: call it first in main. What is not permitted is left as it is.
-/// @return what is in force, and why it isn't what was asked for: "nice -5", "SCHED_RR 20", "nice 0 (nice -5: Operation not permitted)".
+/// Sets the priority of the calling thread, which threads it starts later inherit: call it first in main. What is not
+/// permitted is left as it is.
+/// @return what is in force, and why it isn't what was asked for: "nice -5", "SCHED_RR 20", "nice 0 (nice -5: Operation
+/// not permitted)".
 std::string SetPriority(const PriorityOptions& options);
 
-/// Puts the calling thread behind the rest of its process: for long work beside the owner thread. Ends real-time scheduling for it.
+/// Puts the calling thread behind the rest of its process: for long work beside the owner thread. Ends real-time
+/// scheduling for it.
 /// @param steps to add to its nice level, 1 or more.
 void LowerThreadPriority(int steps);
 

@@ -76,7 +76,9 @@ void ProcessLoop::Wait() {
   timespec timeout{};
   const timespec* until_timer = nullptr;
   if (!timers_.empty()) {
-    const auto next = std::min_element(timers_.begin(), timers_.end(), [](const Timer& a, const Timer& b) { return a.next < b.next; })->next;
+    const auto next = std::min_element(timers_.begin(), timers_.end(), [](const Timer& a, const Timer& b) {
+                        return a.next < b.next;
+                      })->next;
     const auto left = std::max(Clock::duration::zero(), next - Clock::now());
     const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(left);
     timeout.tv_sec = static_cast<time_t>(seconds.count());

@@ -11,17 +11,18 @@
 
 namespace portolan {
 
-/// The owner thread of a process: events from other threads, timers, and the signals that end it, one after another on one thread.
+/// The owner thread of a process: events from other threads, timers, and the signals that end it, one after another on
+/// one thread.
 ///
 ///   ProcessLoop loop(1024);                     // first in main, before any thread is started
 ///   auto bus = MakeBus(options);
 ///   auto reader = bus->CreateReader<Command>([&](Command c) { loop.Post([&process, c] { process.Handle(c); }); });
 ///   loop.AddTimer(1.0, [&] { status->Write(process.Status()); });
-///   loop.Run();                                 // until SIGINT, SIGTERM or Stop(); what was posted before is still done
-///   process.Save();
+///   loop.Run();                                 // until SIGINT, SIGTERM or Stop(); what was posted before is still
+///   done process.Save();
 ///
-/// SIGINT and SIGTERM are blocked from construction to the end of Run(), in this thread and in those started meanwhile: they arrive in the loop. During
-/// the work after Run() a second signal ends the process at once.
+/// SIGINT and SIGTERM are blocked from construction to the end of Run(), in this thread and in those started meanwhile:
+/// they arrive in the loop. During the work after Run() a second signal ends the process at once.
 class ProcessLoop {
  public:
   /// @param capacity of the queue; an event that finds it full is refused and counted.
@@ -33,8 +34,8 @@ class ProcessLoop {
   /// From any thread. @return false when the queue is full or the loop has stopped.
   bool Post(std::function<void()> event);
 
-  /// Calls `work` every period from the start of Run(); when the loop was busy for longer, once for all periods missed. Before Run(),
-  /// or on the loop's thread from events (not from timers).
+  /// Calls `work` every period from the start of Run(); when the loop was busy for longer, once for all periods missed.
+  /// Before Run(), or on the loop's thread from events (not from timers).
   void AddTimer(double period_s, std::function<void()> work);
 
   /// Runs until stopped. Once. @return the signal that ended it, 0 for Stop().

@@ -12,8 +12,8 @@
 
 namespace portolan {
 
-// What a DDS vendor has to provide: endpoints that carry serialised samples. Conversion, validation and counting stand above it, in bus.cc,
-// once for both vendors.
+// What a DDS vendor has to provide: endpoints that carry serialised samples. Conversion, validation and counting stand
+// above it, in bus.cc, once for both vendors.
 
 /// A sample as it travels: 4 bytes of encapsulation header (CDR_BE or CDR_LE), then plain CDR.
 using SampleBytes = std::vector<uint8_t>;

@@ -1,7 +1,7 @@
 #include <algorithm>
 
-#include "transport/raw_bus.h"
 #include "messages/wire_codec.h"
+#include "transport/raw_bus.h"
 
 namespace portolan {
 

@@ -9,7 +9,8 @@
 #include "messages/status_messages.h"
 #include "transport/topic_qos.h"
 
-// All topics of Portolan: name, type on the wire, key, who writes and reads, quality of service. Domain types are on the left: Topic<KeyFrameMessage>.
+// All topics of Portolan: name, type on the wire, key, who writes and reads, quality of service. Domain types are on
+// the left: Topic<KeyFrameMessage>.
 
 namespace portolan {
 
@@ -40,9 +41,10 @@ constexpr TopicQos BestEffort(int depth) {
 template <class T>
 struct Topic;
 
-/// Written by the tracker, and by a map's owner to answer a SnapshotRequest; read by all. Acknowledged by the application, with the MapDelta that contains
-/// it. Not keyed by id: an instance each would grow the tables of both vendors for ever (Fast DDS bounds samples only together with instances, and never
-/// forgets a live one), and would deliver keyframes that arrive together out of order.
+/// Written by the tracker, and by a map's owner to answer a SnapshotRequest; read by all. Acknowledged by the
+/// application, with the MapDelta that contains it. Not keyed by id: an instance each would grow the tables of both
+/// vendors for ever (Fast DDS bounds samples only together with instances, and never forgets a live one), and would
+/// deliver keyframes that arrive together out of order.
 template <>
 struct Topic<KeyFrameMessage> {
   using Wire = wire::KeyFrame;
@@ -82,7 +84,8 @@ struct Topic<MapCorrection> {
   static constexpr TopicQos Qos() { return Reliable(16, kPatientBlockingMs); }  // rare, each up to the size of the map
 };
 
-/// Written by the atlas_server alone; read by all. Late readers get the last commands, in order: they tell who owns what.
+/// Written by the atlas_server alone; read by all. Late readers get the last commands, in order: they tell who owns
+/// what.
 template <>
 struct Topic<Command> {
   using Wire = wire::Command;
@@ -138,7 +141,8 @@ struct Topic<MapperState> {
   static constexpr TopicQos Qos() { return Reliable(1024, kPatientBlockingMs); }
 };
 
-/// Written by every process about itself; read by the atlas_server and tools. Keyed by process; its liveliness is the process's.
+/// Written by every process about itself; read by the atlas_server and tools. Keyed by process; its liveliness is the
+/// process's.
 template <>
 struct Topic<ProcessStatus> {
   using Wire = wire::ProcessStatus;
@@ -155,7 +159,8 @@ struct Topic<ProcessStatus> {
   }
 };
 
-/// Written by a camera driver or portolan_play; read by the tracker. ROS 2's names: the topic's is BusOptions::image_topic.
+/// Written by a camera driver or portolan_play; read by the tracker. ROS 2's names: the topic's is
+/// BusOptions::image_topic.
 template <>
 struct Topic<Image> {
   using Wire = sensor_msgs::msg::dds_::Image_;

@@ -3,9 +3,11 @@
 namespace portolan {
 
 bool MapFollower::AddKeyFrame(const KeyFrameMessage& message) {
-  if (!message.map.IsValid() || (vocabulary_ != nullptr && message.vocabulary_hash != vocabulary_->hash())) return false;
+  if (!message.map.IsValid() || (vocabulary_ != nullptr && message.vocabulary_hash != vocabulary_->hash()))
+    return false;
   const auto replica = replicas_.replicas().find(message.map);
-  const bool known = replica != replicas_.replicas().end() && replica->second.FindKeyFrameData(message.data.id) != nullptr;
+  const bool known =
+      replica != replicas_.replicas().end() && replica->second.FindKeyFrameData(message.data.id) != nullptr;
   if (!known) replicas_.AddKeyFrameData(message.map, MakeKeyFrameData(message.data, vocabulary_.get()));
   return true;
 }

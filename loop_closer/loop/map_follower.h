@@ -12,7 +12,8 @@
 
 namespace portolan {
 
-/// Keeps replicas of the maps with an index of their keyframes by visual word: what loop closing looks for places in. Pure: no DDS, no threads; one thread uses it.
+/// Keeps replicas of the maps with an index of their keyframes by visual word: what loop closing looks for places in.
+/// Pure: no DDS, no threads; one thread uses it.
 ///
 ///   MapFollower follower(vocabulary);
 ///   follower.AddKeyFrame(message);  follower.AddChunk(chunk);  follower.OnMapperState(state);
@@ -32,14 +33,16 @@ class MapFollower {
   /// Applies what can be applied and brings the index up to date. @return the deltas applied, in order.
   std::vector<MapDelta> ApplyPending();
   /// See ReplicaSet.
-  std::vector<SnapshotRequest> DueRequests(double now_s, ProcessId asker) { return replicas_.DueRequests(now_s, asker); }
+  std::vector<SnapshotRequest> DueRequests(double now_s, ProcessId asker) {
+    return replicas_.DueRequests(now_s, asker);
+  }
 
   struct Summary {
     MapId map;
     Epoch epoch = 0;
     Revision revision = 0, lag = 0;  ///< lag: revisions behind what the mapper announced
     size_t keyframes = 0, points = 0;
-    size_t covisibility_edges = 0;   ///< pairs of keyframes with common points
+    size_t covisibility_edges = 0;  ///< pairs of keyframes with common points
   };
   /// Of a map with a revision. Time grows with the edges of the covisibility graph.
   Summary Summarize(MapId map) const;

@@ -61,6 +61,11 @@ TEST_F(MapFollowerTest, ASnapshotAfterLostDeltasSetsTheIndexRight) {
     edits_.Next();
     static_cast<void>(map_.TakeDelta());  // lost
   }
+  MapperState state;
+  state.map = map_.id();
+  state.epoch = 1;
+  state.revision = map_.revision();
+  follower_.OnMapperState(state);  // so that it expects a snapshot, and keeps the data that comes ahead of it
   Send(map_.Snapshot());
   ExpectIndexMatches();
   EXPECT_EQ(follower_.Hashes().at(map_.id()), HashMap(map_));

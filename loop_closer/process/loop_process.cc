@@ -14,8 +14,8 @@ constexpr double kLogPeriodS = 5.0;
 
 }  // namespace
 
-LoopProcess::LoopProcess(const ProcessSetup& setup, std::shared_ptr<const Vocabulary> vocabulary, Bus* bus, const std::string& priority,
-                         ProcessLoop* loop)
+LoopProcess::LoopProcess(const ProcessSetup& setup, std::shared_ptr<const Vocabulary> vocabulary, Bus* bus,
+                         const std::string& priority, ProcessLoop* loop)
     : setup_(setup),
       bus_(bus),
       priority_(priority),
@@ -24,7 +24,9 @@ LoopProcess::LoopProcess(const ProcessSetup& setup, std::shared_ptr<const Vocabu
       snapshot_writer_(bus->CreateWriter<SnapshotRequest>()),
       follower_(std::move(vocabulary)) {}
 
-LoopProcess::~LoopProcess() { readers_.clear(); }
+LoopProcess::~LoopProcess() {
+  readers_.clear();
+}
 
 void LoopProcess::ConnectReaders() {
   const auto post = [this](auto handle) {
@@ -51,7 +53,8 @@ int LoopProcess::Run() {
 
 void LoopProcess::OnKeyFrame(const KeyFrameMessage& message) {
   const Stopwatch stopwatch;
-  if (!follower_.AddKeyFrame(message) && foreign_++ == 0) spdlog::error("keyframes of no map, or made with another vocabulary, are passed over");
+  if (!follower_.AddKeyFrame(message) && foreign_++ == 0)
+    spdlog::error("keyframes of no map, or made with another vocabulary, are passed over");
   times_.Add("words", stopwatch.Milliseconds());
   ApplyPending();
 }
@@ -86,8 +89,9 @@ void LoopProcess::OnLogTimer() {
   if (summary.map == logged_map_ && summary.revision == logged_revision_) return;
   logged_map_ = summary.map;
   logged_revision_ = summary.revision;
-  spdlog::info("map {} at revision {} ({} behind): {} keyframes, {} points, {} covisibility edges", ToString(summary.map), summary.revision, summary.lag,
-               summary.keyframes, summary.points, summary.covisibility_edges);
+  spdlog::info("map {} at revision {} ({} behind): {} keyframes, {} points, {} covisibility edges",
+               ToString(summary.map), summary.revision, summary.lag, summary.keyframes, summary.points,
+               summary.covisibility_edges);
 }
 
 void LoopProcess::OnStatusTimer() {
@@ -122,7 +126,10 @@ int LoopProcess::Finish() {
   report["indexed_keyframes"] = follower_.index().size();
   report["snapshots_asked"] = snapshots_asked_;
   const MapReplica::Counters counters = follower_.counters();
-  report["deltas"] = {{"applied", counters.applied}, {"repeated", counters.repeated}, {"stale_epoch", counters.stale_epoch}, {"gaps", counters.gaps}};
+  report["deltas"] = {{"applied", counters.applied},
+                      {"repeated", counters.repeated},
+                      {"stale_epoch", counters.stale_epoch},
+                      {"gaps", counters.gaps}};
   report["map_hash"] = nlohmann::json::object();
   for (const auto& [id, hash] : follower_.Hashes()) report["map_hash"][ToString(id)] = FormatHash(hash);
   if (Status written = WriteReport(setup_.options, report); !written) {

@@ -15,7 +15,8 @@ namespace portolan {
 /// The shell around loop closing: follows the maps on one owner thread and reports on them.
 class LoopProcess {
  public:
-  LoopProcess(const ProcessSetup& setup, std::shared_ptr<const Vocabulary> vocabulary, Bus* bus, const std::string& priority, ProcessLoop* loop);
+  LoopProcess(const ProcessSetup& setup, std::shared_ptr<const Vocabulary> vocabulary, Bus* bus,
+              const std::string& priority, ProcessLoop* loop);
   ~LoopProcess();
 
   /// Runs until SIGINT or SIGTERM, then writes its report. @return exit code.

@@ -2,12 +2,13 @@
 
 int main(int argc, char** argv) {
   using namespace portolan;
-  const ProcessSetup setup = ProcessSetup::Make("loop_closer", "Portolan's loop closer: follows the maps and reports on them", argc, argv, nullptr,
-                                                [](ConfigReader*) { return Status(Ok{}); });
+  const ProcessSetup setup =
+      ProcessSetup::Make("loop_closer", "Portolan's loop closer: follows the maps and reports on them", argc, argv,
+                         nullptr, [](ConfigReader*) { return Status(Ok{}); });
   if (setup.exit_code) return *setup.exit_code;
 
-  const auto vocabulary =
-      Vocabulary::Open(setup.options.vocabulary_file.empty() ? Vocabulary::DefaultPath() : setup.options.vocabulary_file);
+  const auto vocabulary = Vocabulary::Open(setup.options.vocabulary_file.empty() ? Vocabulary::DefaultPath()
+                                                                                 : setup.options.vocabulary_file);
   if (!vocabulary) {
     spdlog::error("{}", vocabulary.error().message);
     return kExitBadInput;

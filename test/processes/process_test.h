@@ -1,0 +1,64 @@
+#pragma once
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "dataset/temp_folder.h"
+#include "processes/child_process.h"
+#include "processes/status_watch.h"
+
+namespace portolan {
+
+/// For failures alone: a passing test never waits it out, on a busy machine or under a sanitizer either.
+constexpr std::chrono::seconds kProcessDeadline(180);
+
+/// Exit code and output of a program that has ended.
+struct Ended {
+  int code = -1;  ///< -1: it did not end before the deadline
+  std::string output;
+};
+
+std::string ReadWholeFile(const std::string& path);
+/// A JSON object; a failed expectation and an empty one if it is none.
+nlohmann::json ReadReport(const std::string& path);
+
+/// A test that starts programs: each in a DDS domain and a folder of its own.
+class ProcessTest : public ::testing::Test {
+ protected:
+  ProcessTest();
+
+  /// An installed program; its folder is that of the installation, or $PORTOLAN_BIN.
+  static std::string Program(const std::string& name);
+  /// The data set that CTest's fixture rendered.
+  static std::string Sequence();
+  static uint64_t NumFrames();
+  std::string Out() const { return folder_.Path("out"); }
+  std::string Truth() const { return Sequence() + "/groundtruth.txt"; }
+
+  /// run.sh into Out() in this test's domain, with these arguments besides.
+  std::vector<std::string> RunCommand(const std::vector<std::string>& arguments) const;
+  std::unique_ptr<ChildProcess> Start(const std::vector<std::string>& command);
+  Ended WaitForEnd(ChildProcess* process) const;
+  Ended RunToEnd(const std::vector<std::string>& command);
+
+  /// OUT/<role>.json or OUT/summary.json.
+  nlohmann::json Report(const std::string& name) const { return ReadReport(Out() + "/" + name + ".json"); }
+  /// A copy of the rendered data set, to be spoiled. @return its folder.
+  std::string CopyOfSequence() const;
+  /// Everything that the programs wrote, for the message of a failure.
+  std::string Logs() const;
+
+  TempFolder folder_;
+  int domain_;
+
+ private:
+  int num_started_ = 0;
+};
+
+}  // namespace portolan

@@ -1,0 +1,73 @@
+// A process dies without a word, another comes in its place, and the run goes on.
+
+#include <csignal>
+
+#include "processes/deployment.h"
+#include "processes/run_output_check.h"
+
+namespace portolan {
+namespace {
+
+class RestartTest : public DeploymentTest {
+ protected:
+  void WaitUntilMapping() {
+    ASSERT_TRUE(watch().WaitUntil(
+        [](const StatusWatch::Heard& heard) {
+          return heard.Figure("backend_mapper", "keyframes_taken") >= 3 && heard.Figure("atlas_server", "keyframes") >= 3;
+        },
+        kProcessDeadline))
+        << Logs();
+  }
+
+  /// The frontend came to its end; the others are told to, and left what they should.
+  void ExpectGoodEnd() {
+    const Ended frontend = WaitForFrontend();
+    ASSERT_EQ(frontend.code, 0) << frontend.output << Logs();
+    for (const char* role : {"backend_mapper", "loop_closer", "atlas_server"}) EXPECT_EQ(Interrupt(role).code, 0) << role;
+    EXPECT_GT(ExpectTrajectory(Out() + "/trajectory.txt").size(), 0.8 * static_cast<double>(NumFrames()));
+    ExpectAccurate(Truth(), Out() + "/trajectory.txt", 0.01);
+    ExpectWholePly(Out() + "/map.ply");
+    EXPECT_EQ(Report("frontend_tracker")["maps"], 1);
+    ExpectSameMaps(Report("atlas_server"), Report("loop_closer"));
+  }
+};
+
+TEST_F(RestartTest, NewMapperGoesOnWithTheMapInTheNextEpoch) {
+  StartAll({"--data", Sequence(), "--speed", "0.5"});
+  WaitUntilMapping();
+  const ProcessStatus first = *watch().heard().Of("backend_mapper");
+  Kill("backend_mapper");
+  StartRole("backend_mapper");
+  EXPECT_TRUE(watch().WaitUntil(
+      [&](const StatusWatch::Heard& heard) {
+        const ProcessStatus* mapper = heard.Of("backend_mapper");
+        return mapper->process != first.process && mapper->map == first.map && mapper->epoch > first.epoch && mapper->revision > first.revision;
+      },
+      kProcessDeadline))
+      << Logs();
+  ExpectGoodEnd();
+  EXPECT_EQ(Report("atlas_server")["takeovers"], 1);
+}
+
+TEST_F(RestartTest, NewAtlasServerTakesUpTheMapFromItsStoreAndFollowsIt) {
+  StartAll({"--data", Sequence(), "--speed", "0.5"});
+  WaitUntilMapping();
+  const ProcessStatus first = *watch().heard().Of("atlas_server");
+  const ProcessStatus mapper = *watch().heard().Of("backend_mapper");
+  Kill("atlas_server");
+  StartRole("atlas_server");
+  EXPECT_TRUE(watch().WaitUntil(
+      [&](const StatusWatch::Heard& heard) {
+        const ProcessStatus* atlas = heard.Of("atlas_server");
+        return atlas->process != first.process && atlas->map == mapper.map && atlas->revision >= mapper.revision;
+      },
+      kProcessDeadline))
+      << Logs();
+  ExpectGoodEnd();
+  const ProcessStatus last = *watch().heard().Of("backend_mapper");
+  EXPECT_EQ(last.process, mapper.process);
+  EXPECT_EQ(last.epoch, mapper.epoch) << "nobody took the map from its owner";
+}
+
+}  // namespace
+}  // namespace portolan

@@ -1,0 +1,69 @@
+// Whole runs through run.sh: what they leave, on each vendor and across vendors, repeated, and in real time.
+
+#include "processes/process_test.h"
+#include "processes/run_output_check.h"
+
+namespace portolan {
+namespace {
+
+/// Three times what a run leaves: 0.09 m on a way of 27 m.
+constexpr double kMaxErrorShare = 0.01;
+constexpr double kMinTrackedShare = 0.8;
+
+class RunTest : public ProcessTest {
+ protected:
+  void ExpectGoodRun(const Ended& run) const {
+    ASSERT_EQ(run.code, 0) << run.output << Logs();
+    ExpectWholeOutput(Out());
+    const nlohmann::json summary = Report("summary");
+    EXPECT_EQ(summary["frames"], NumFrames());
+    EXPECT_GT(summary["tracked"], kMinTrackedShare * static_cast<double>(NumFrames()));
+    ExpectAccurate(Truth(), Out() + "/trajectory.txt", kMaxErrorShare);
+    ExpectSameMaps(Report("atlas_server"), Report("loop_closer"));
+  }
+};
+
+struct Vendors {
+  const char* name;
+  std::vector<std::string> arguments;
+};
+
+class VendorTest : public RunTest, public ::testing::WithParamInterface<Vendors> {};
+
+TEST_P(VendorTest, LockstepRunLeavesAWholeResult) {
+  std::vector<std::string> arguments = {"--data", Sequence(), "--speed", "lockstep"};
+  arguments.insert(arguments.end(), GetParam().arguments.begin(), GetParam().arguments.end());
+  const Ended run = RunToEnd(RunCommand(arguments));
+  ExpectGoodRun(run);
+  EXPECT_EQ(Report("summary")["dropped"], 0) << "lockstep waits for the tracker";
+}
+
+INSTANTIATE_TEST_SUITE_P(All, VendorTest,
+                         ::testing::Values(Vendors{"fastdds", {"--dds", "fastdds"}}, Vendors{"cyclonedds", {"--dds", "cyclonedds"}},
+                                           Vendors{"mapper_on_cyclonedds", {"--dds", "fastdds", "--dds-mapper", "cyclonedds"}},
+                                           Vendors{"frontend_on_cyclonedds", {"--dds", "fastdds", "--dds-frontend", "cyclonedds"}}),
+                         [](const auto& parameter) { return parameter.param.name; });
+
+TEST_F(RunTest, TwoLockstepRunsGiveTheSameBytes) {
+  std::string first;
+  for (const char* vendor : {"fastdds", "cyclonedds"}) {
+    const Ended run = RunToEnd(RunCommand({"--data", Sequence(), "--speed", "lockstep", "--dds", vendor}));
+    ASSERT_EQ(run.code, 0) << run.output << Logs();
+    const std::string trajectory = ReadWholeFile(Out() + "/trajectory.txt");
+    EXPECT_NE(trajectory, "");
+    if (first.empty()) first = trajectory;
+    EXPECT_EQ(trajectory, first);
+  }
+}
+
+TEST_F(RunTest, SlowRealTimeDropsNothingAndCountsEveryFrameOnce) {
+  const Ended run = RunToEnd(RunCommand({"--data", Sequence(), "--speed", "0.5"}));
+  ExpectGoodRun(run);
+  const nlohmann::json summary = Report("summary"), frontend = Report("frontend_tracker");
+  EXPECT_EQ(summary["dropped"], 0);
+  EXPECT_EQ(frontend["frame_ms"]["count"].get<uint64_t>() + frontend["dropped"].get<uint64_t>() + frontend["unreadable"].get<uint64_t>(), NumFrames());
+  EXPECT_EQ(summary["lost"].get<uint64_t>() + summary["tracked"].get<uint64_t>(), NumFrames());
+}
+
+}  // namespace
+}  // namespace portolan

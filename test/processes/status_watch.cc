@@ -1,0 +1,55 @@
+#include "processes/status_watch.h"
+
+#include <utility>
+
+namespace portolan {
+
+const ProcessStatus* StatusWatch::Heard::Of(const std::string& role) const {
+  const auto process = last_of_role.find(role);
+  return process == last_of_role.end() ? nullptr : &processes.at(process->second);
+}
+
+double StatusWatch::Heard::Figure(const std::string& role, const std::string& name) const {
+  const ProcessStatus* status = Of(role);
+  if (status == nullptr) return 0;
+  for (const auto& [figure, value] : status->figures) {
+    if (figure == name) return value;
+  }
+  return 0;
+}
+
+StatusWatch::StatusWatch(DdsVendor vendor, int domain) {
+  auto bus = MakeBus(TestBusOptions(vendor, domain));
+  PORTOLAN_CHECK(bus.ok()) << bus.error().message;
+  bus_ = std::move(bus).value();
+  status_reader_ = bus_->CreateReader<ProcessStatus>([this](ProcessStatus status) {
+    std::lock_guard<std::mutex> lock(mutex_);
+    heard_.last_of_role[status.role] = status.process;
+    heard_.processes[status.process] = std::move(status);
+    changed_.notify_all();
+  });
+  tracker_reader_ = bus_->CreateReader<TrackerState>([this](TrackerState state) {
+    std::lock_guard<std::mutex> lock(mutex_);
+    heard_.tracker = state;
+    changed_.notify_all();
+  });
+}
+
+bool StatusWatch::WaitUntil(const std::function<bool(const Heard&)>& condition, std::chrono::milliseconds deadline) {
+  std::unique_lock<std::mutex> lock(mutex_);
+  return changed_.wait_for(lock, deadline, [&] { return condition(heard_); });
+}
+
+StatusWatch::Heard StatusWatch::heard() const {
+  std::lock_guard<std::mutex> lock(mutex_);
+  return heard_;
+}
+
+BusOptions TestBusOptions(DdsVendor vendor, int domain) {
+  BusOptions options;
+  options.vendor = vendor;
+  options.domain = domain;
+  return options;
+}
+
+}  // namespace portolan
