@@ -43,14 +43,18 @@ def merge(reports):
 
 
 def write_json(path, value):
-    """Under another name first, then renamed: never half a file."""
+    """Under another name first, then renamed: never half a file, and nothing left over when the disk is full."""
     partial = path.with_name(path.name + ".partial")
-    with open(partial, "w") as file:
-        json.dump(value, file, indent=2)
-        file.write("\n")
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(partial, path)
+    try:
+        with open(partial, "w") as file:
+            json.dump(value, file, indent=2)
+            file.write("\n")
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(partial, path)
+    except OSError:
+        partial.unlink(missing_ok=True)
+        raise
 
 
 def describe(summary):

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """Tests of run.sh with stubs in place of the four programs (launch_stub.py)."""
 
+import errno
 import json
 import os
 import pathlib
@@ -273,6 +274,17 @@ class DescriptionTest(unittest.TestCase):
         summary = launch_summary.merge({"frontend_tracker": {**FRONTEND_REPORT, "frame_ms": {"median": None, "p95": None}}})
         self.assertIn("9 of 10 frames tracked", launch_summary.describe(summary))
         self.assertEqual(launch_summary.describe(launch_summary.merge({})), "no figures of the frontend")
+
+
+class SummaryFileTest(unittest.TestCase):
+    def test_full_disk_leaves_the_old_file_and_nothing_else(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = pathlib.Path(folder) / "summary.json"
+            path.write_text("{}")
+            with mock.patch.object(os, "fsync", side_effect=OSError(errno.ENOSPC, "full")), self.assertRaises(OSError):
+                launch_summary.write_json(path, {"frames": 1})
+            self.assertEqual([file.name for file in path.parent.iterdir()], ["summary.json"])
+            self.assertEqual(path.read_text(), "{}")
 
 
 if __name__ == "__main__":

@@ -124,8 +124,9 @@ void MapperProcess::Own(MapId map, Epoch epoch) {
   if (mine != mappers_.end() && mine->second->map().epoch() >= epoch) return;
   spdlog::info("granted map {} in epoch {}", ToString(map), epoch);
   if (epoch > 1) {
-    takeover_.emplace(Takeover{MapReplica(map), epoch, {}});
-    ContinueTakeover();
+    takeovers_.erase(map);
+    takeovers_.emplace(map, Takeover{MapReplica(map), epoch, {}});
+    ContinueTakeovers();
     return;
   }
   mappers_[map] = std::make_unique<LocalMapper>(options_, map, epoch, setup_.options.robot, setup_.session,
@@ -136,28 +137,37 @@ void MapperProcess::Own(MapId map, Epoch epoch) {
   for (const KeyFrameMessage& message : early) OnKeyFrame(message);
 }
 
-void MapperProcess::ContinueTakeover() {
-  if (!takeover_) return;
-  takeover_->replica.ApplyPending();
-  const Map& map = takeover_->replica.map();
-  if (map.revision() > 0 && !takeover_->replica.NeedsSnapshot()) {
+void MapperProcess::ContinueTakeovers() {
+  for (auto next = takeovers_.begin(); next != takeovers_.end();) {
+    next = ContinueTakeover(&next->second) ? takeovers_.erase(next) : std::next(next);
+  }
+}
+
+bool MapperProcess::ContinueTakeover(Takeover* takeover) {
+  takeover->replica.ApplyPending();
+  const Map& map = takeover->replica.map();
+  // Any snapshot of an older epoch will do, an empty one too: then the last owner died before the map began.
+  if (map.epoch() > 0 && !takeover->replica.NeedsSnapshot()) {
     spdlog::info("goes on with map {} at revision {}: {} keyframes, {} points", ToString(map.id()), map.revision(), map.keyframes().size(),
                  map.points().size());
-    mappers_[map.id()] = std::make_unique<LocalMapper>(options_, map, takeover_->epoch, setup_.options.robot, setup_.session,
-                                                       [this](MapDelta delta) { PublishDelta(delta); });
-    takeover_.reset();
+    auto& mapper = mappers_[map.id()];
+    mapper = std::make_unique<LocalMapper>(options_, map, takeover->epoch, setup_.options.robot, setup_.session,
+                                           [this](MapDelta delta) { PublishDelta(delta); });
+    mapper->PublishSnapshot();  // a new epoch begins with one: replicas may be ahead of it or behind
     PublishState(true);
-    return;
+    return true;
   }
-  if (Clock::now() - takeover_->last_request < kRequestInterval) return;
-  takeover_->last_request = Clock::now();
-  snapshot_writer_->Write(takeover_->replica.MakeRequest(setup_.process));
+  if (Clock::now() - takeover->last_request < kRequestInterval) return false;
+  takeover->last_request = Clock::now();
+  snapshot_writer_->Write(takeover->replica.MakeRequest(setup_.process));
+  return false;
 }
 
 void MapperProcess::OnDeltaChunk(const MapDeltaChunk& chunk) {
-  if (!takeover_ || chunk.part.map != takeover_->replica.map().id()) return;
-  for (MapDelta& delta : assembler_.Add(chunk)) takeover_->replica.AddDelta(std::move(delta));
-  ContinueTakeover();
+  const auto takeover = takeovers_.find(chunk.part.map);
+  if (takeover == takeovers_.end()) return;
+  for (MapDelta& delta : assembler_.Add(chunk)) takeover->second.replica.AddDelta(std::move(delta));
+  ContinueTakeovers();
 }
 
 void MapperProcess::OnKeyFrame(const KeyFrameMessage& message) {
@@ -166,9 +176,10 @@ void MapperProcess::OnKeyFrame(const KeyFrameMessage& message) {
     return;
   }
   if (message.kind == KeyFrameKind::kCopy) {
-    if (takeover_) {
-      takeover_->replica.AddKeyFrameData(MakeKeyFrameData(message.data, vocabulary_.get()));
-      ContinueTakeover();
+    const auto takeover = takeovers_.find(message.map);
+    if (takeover != takeovers_.end()) {
+      takeover->second.replica.AddKeyFrameData(MakeKeyFrameData(message.data, vocabulary_.get()));
+      ContinueTakeovers();
     }
     return;
   }
@@ -262,7 +273,7 @@ void MapperProcess::OnCorrection(const MapCorrection& correction) {
 
 void MapperProcess::OnTick() {
   status_.AssertLiveliness();
-  ContinueTakeover();
+  ContinueTakeovers();
 }
 
 void MapperProcess::OnStatusTimer() {

@@ -40,7 +40,9 @@ class MapperProcess {
   void OnStatusTimer();
 
   void Own(MapId map, Epoch epoch);
-  void ContinueTakeover();
+  struct Takeover;
+  void ContinueTakeovers();
+  bool ContinueTakeover(Takeover* takeover);
   void Take(LocalMapper* mapper, const KeyFrameMessage& message);
   Status TakeIntoMap(LocalMapper* mapper, std::shared_ptr<const KeyFrameData> data, const KeyFrameMessage& message);
   void PublishDelta(const MapDelta& delta);
@@ -68,7 +70,7 @@ class MapperProcess {
     Epoch epoch = 0;
     Clock::time_point last_request{};
   };
-  std::optional<Takeover> takeover_;
+  std::map<MapId, Takeover> takeovers_;
   DeltaAssembler assembler_;
   std::map<KeyFrameId, std::shared_ptr<const KeyFrameData>> firsts_;  // first frames of pairs
   std::vector<KeyFrameMessage> early_;                                // for maps not granted yet, bounded

@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <cstdlib>
 #include <vector>
 
 namespace portolan {
@@ -37,14 +36,9 @@ struct ScalePyramid {
   /// Size of one pixel of the level in pixels of level 0: also the standard deviation of a feature's location, in
   /// pixels.
   double Scale(int level) const { return std::pow(factor, level); }
-  /// Standard deviation of the location of a feature of the level, in pixels of level 0.
-  double Sigma(int level) const { return SigmaAtLevel0() * Scale(level); }
-  static double SigmaAtLevel0() { static const double s = getenv("SIGMA") ? atof(getenv("SIGMA")) : 1.0; return s; }
-  std::vector<double> Sigmas() const {
-    std::vector<double> sigmas = Scales();
-    for (double& sigma : sigmas) sigma *= SigmaAtLevel0();
-    return sigmas;
-  }
+  /// Standard deviation of the location of a feature of the level, in pixels of level 0: one pixel of the level.
+  double Sigma(int level) const { return Scale(level); }
+  std::vector<double> Sigmas() const { return Scales(); }
   std::vector<double> Scales() const {
     std::vector<double> scales(static_cast<size_t>(levels));
     for (int i = 0; i < levels; ++i) scales[static_cast<size_t>(i)] = Scale(i);

@@ -5,7 +5,7 @@
 #include <cstring>
 #include <string>
 
-#include "messages/feature_quantization.h"
+#include "features/feature_quantization.h"
 #include "messages/geometry_messages.h"
 #include "messages/limits.h"
 #include "messages/message_check.h"

@@ -6,7 +6,7 @@
 #include <functional>
 #include <limits>
 
-#include "messages/feature_quantization.h"
+#include "features/feature_quantization.h"
 #include "messages/random_messages.h"
 
 namespace portolan {

@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "messages/feature_quantization.h"
+#include "features/feature_quantization.h"
 
 namespace portolan {
 namespace {

@@ -5,6 +5,8 @@
 #include <cstdio>
 #include <utility>
 
+#include "base/hash.h"
+
 #include "process/process_report.h"
 #include "process/run_output.h"
 
@@ -293,6 +295,9 @@ int FrontendProcess::Finish() {
   report["keyframes"] = keyframes;
   report["keyframes_sent"] = tracker_.num_keyframes_sent();
   report["points"] = points;
+  for (const auto& [map, number] : trajectories.map_numbers) {
+    report["map_hash"][ToString(map)] = FormatHash(HashMap(tracker_.replicas().at(map).map()));
+  }
   report["loops"] = 0;
   report["switches"] = 0;
   report["fusions"] = 0;

@@ -37,7 +37,13 @@ class KeyFramePolicyTest : public ::testing::Test {
 
   SyntheticScene scene_;
   Map map_;
-  KeyFramePolicy policy_{KeyFramePolicyOptions()};
+  static KeyFramePolicyOptions PaperOptions() {
+    KeyFramePolicyOptions options;
+    options.distance_factor = 1;
+    options.max_reference_overlap = 0.75;
+    return options;
+  }
+  KeyFramePolicy policy_{PaperOptions()};
 };
 
 TEST_F(KeyFramePolicyTest, AFarWellTrackedFrameIsInserted) {

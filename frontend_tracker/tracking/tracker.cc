@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "features/feature_quantization.h"
+
 namespace portolan {
 
 Tracker::Tracker(const TrackerOptions& options, const CameraModel& camera, std::shared_ptr<const Vocabulary> vocabulary, RobotId robot,
@@ -57,6 +59,7 @@ Frame Tracker::MakeFrame(const Image& image) {
   data.camera = camera_.pinhole;
   data.pyramid = options_.orb.pyramid;
   data.features = extractor_.Extract(image.grey, camera_);
+  QuantizeFeatures(&data.features, data.camera);  // here already, so that the tracker computes with what the others receive
   Frame frame;
   frame.number = image.frame;
   frame.stamp = image.stamp;

@@ -1,4 +1,5 @@
-// What a strange participant may send: malformed samples on every topic, and whole messages that belong to nobody. Counted, and passed over.
+// What a strange participant may send: malformed samples on every topic, and whole messages that belong to nobody.
+// Counted, and passed over.
 
 #include <algorithm>
 
@@ -65,7 +66,8 @@ const std::map<std::string, std::vector<std::string>> kReads = {
 class BadMessageTest : public ProcessTest, public ::testing::WithParamInterface<DdsVendor> {
  protected:
   /// Calls `send` again and again until the processes' statuses show what is waited for.
-  bool SendUntil(StatusWatch* watch, const std::function<void()>& send, const std::function<bool(const StatusWatch::Heard&)>& shown) const {
+  bool SendUntil(StatusWatch* watch, const std::function<void()>& send,
+                 const std::function<bool(const StatusWatch::Heard&)>& shown) const {
     const auto deadline = std::chrono::steady_clock::now() + kProcessDeadline;
     while (std::chrono::steady_clock::now() < deadline) {
       send();
@@ -88,16 +90,20 @@ TEST_P(BadMessageTest, MalformedSamplesAreCountedByEveryReader) {
   const auto run = Start(RunCommand({"--data", Sequence(), "--speed", "0.5", "--dds", ToString(GetParam())}));
   StatusWatch watch(DdsVendor::kFastDds, domain_);
   MalformedWriter writer(DdsVendor::kCycloneDds, domain_);
-  EXPECT_TRUE(SendUntil(&watch, [&] { writer.WriteAll(); }, [](const StatusWatch::Heard& heard) {
-    return std::all_of(kReads.begin(), kReads.end(), [&](const auto& reads) {
-      // More than one round of two samples a topic: by then every reader has met the writers.
-      return heard.Figure(reads.first, "malformed") >= 8.0 * static_cast<double>(reads.second.size());
-    });
-  })) << Logs();
+  EXPECT_TRUE(SendUntil(
+      &watch, [&] { writer.WriteAll(); },
+      [](const StatusWatch::Heard& heard) {
+        return std::all_of(kReads.begin(), kReads.end(), [&](const auto& reads) {
+          // More than one round of two samples a topic: by then every reader has met the writers.
+          return heard.Figure(reads.first, "malformed") >= 8.0 * static_cast<double>(reads.second.size());
+        });
+      }))
+      << Logs();
   ExpectGoodEnd(run.get());
   for (const auto& [role, topics] : kReads) {
     const nlohmann::json report = Report(role);
-    for (const std::string& topic : topics) EXPECT_GT(report["counters"][topic].value("malformed", 0), 0) << role << " " << topic;
+    for (const std::string& topic : topics)
+      EXPECT_GT(report["counters"][topic].value("malformed", 0), 0) << role << " " << topic;
   }
 }
 
@@ -120,7 +126,8 @@ TEST_P(BadMessageTest, MessagesOfNobodyChangeNothing) {
     replies->Write(reply);
   };
   EXPECT_TRUE(SendUntil(&watch, send, [](const StatusWatch::Heard& heard) {
-    return heard.Figure("backend_mapper", "foreign_vocabulary") >= 1 && heard.Figure("atlas_server", "foreign_vocabulary") >= 1 &&
+    return heard.Figure("backend_mapper", "foreign_vocabulary") >= 1 &&
+           heard.Figure("atlas_server", "foreign_vocabulary") >= 1 &&
            heard.Figure("loop_closer", "foreign_keyframes") >= 1 && heard.Figure("frontend_tracker", "tracked") >= 1;
   })) << Logs();
   ExpectGoodEnd(run.get());

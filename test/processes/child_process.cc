@@ -35,7 +35,9 @@ pid_t Spawn(const std::vector<std::string>& command, const std::string& output_f
 }
 
 /// By its number: glibc 2.36 declares pidfd_open() without C linkage.
-int OpenPidFd(pid_t pid) { return static_cast<int>(syscall(SYS_pidfd_open, pid, 0)); }
+int OpenPidFd(pid_t pid) {
+  return static_cast<int>(syscall(SYS_pidfd_open, pid, 0));
+}
 
 }  // namespace
 

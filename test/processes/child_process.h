@@ -9,7 +9,8 @@
 
 namespace portolan {
 
-/// A program that a test starts. Its output goes to a file, waiting for its end has a deadline, and it does not outlive the test.
+/// A program that a test starts. Its output goes to a file, waiting for its end has a deadline, and it does not outlive
+/// the test.
 class ChildProcess {
  public:
   /// @param command program and arguments. @param output_file takes standard output and standard error.
@@ -18,7 +19,8 @@ class ChildProcess {
   ChildProcess(const ChildProcess&) = delete;
   ChildProcess& operator=(const ChildProcess&) = delete;
 
-  /// Waits for its end. @return its exit code as a shell has it (128 + n: killed by signal n); none when the deadline came first.
+  /// Waits for its end. @return its exit code as a shell has it (128 + n: killed by signal n); none when the deadline
+  /// came first.
   std::optional<int> Wait(std::chrono::seconds deadline);
   void Send(int signal) const;
   /// What it wrote so far.

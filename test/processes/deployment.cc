@@ -25,7 +25,9 @@ Ended DeploymentTest::Interrupt(const std::string& role) {
   return WaitForEnd(processes_.at(role).get());
 }
 
-Ended DeploymentTest::WaitForFrontend() { return WaitForEnd(processes_.at("frontend_tracker").get()); }
+Ended DeploymentTest::WaitForFrontend() {
+  return WaitForEnd(processes_.at("frontend_tracker").get());
+}
 
 StatusWatch& DeploymentTest::watch() {
   if (!watch_) watch_ = std::make_unique<StatusWatch>(DdsVendor::kFastDds, domain_);

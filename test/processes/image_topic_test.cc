@@ -3,6 +3,8 @@
 #include "messages/random_messages.h"
 #include "processes/process_test.h"
 #include "processes/run_output_check.h"
+#include "transport/raw_bus.h"
+#include "transport/topics.h"
 
 namespace portolan {
 namespace {
@@ -16,7 +18,8 @@ struct Playback {
 class ImageTopicTest : public ProcessTest, public ::testing::WithParamInterface<Playback> {};
 
 TEST_P(ImageTopicTest, FrontendTracksWhatIsPlayed) {
-  const auto run = Start(RunCommand({"--data", "topic", "--camera", Sequence() + "/camera.yaml", "--dds", ToString(GetParam().frontend)}));
+  const auto run = Start(
+      RunCommand({"--data", "topic", "--camera", Sequence() + "/camera.yaml", "--dds", ToString(GetParam().frontend)}));
   StatusWatch watch(DdsVendor::kFastDds, domain_);
   ASSERT_TRUE(watch.WaitUntil(
       [](const StatusWatch::Heard& heard) {
@@ -25,21 +28,39 @@ TEST_P(ImageTopicTest, FrontendTracksWhatIsPlayed) {
       },
       kProcessDeadline))
       << Logs();
-  std::vector<std::string> play = {Program("portolan_play"), "--data", Sequence(), "--speed", "0.5", "--quiet", "--domain", std::to_string(domain_),
-                                   "--dds", ToString(GetParam().player)};
+  std::vector<std::string> play = {Program("portolan_play"),
+                                   "--data",
+                                   Sequence(),
+                                   "--speed",
+                                   "0.5",
+                                   "--quiet",
+                                   "--domain",
+                                   std::to_string(domain_),
+                                   "--dds",
+                                   ToString(GetParam().player)};
   if (GetParam().compressed) play.push_back("--compressed");
   const auto player = Start(play);
 
-  // Beside them an image that is not of this camera.
+  // Beside them an image that is not of this camera, and bytes that are no image.
   const auto stranger = watch.bus()->CreateWriter<Image>();
+  auto raw_bus = MakeRawBus(TestBusOptions(DdsVendor::kCycloneDds, domain_));
+  ASSERT_TRUE(raw_bus.ok()) << raw_bus.error().message;
+  auto raw = (*raw_bus)->CreateWriter(
+      RawTopic{BusOptions().image_topic, Topic<Image>::kType, Topic<Image>::kKeyed, Topic<Image>::Qos()});
+  ASSERT_TRUE(raw.ok()) << raw.error().message;
   Random random(1);
   const Image foreign = RandomImage(64, 48, &random);
   const auto deadline = std::chrono::steady_clock::now() + kProcessDeadline;
   bool counted = false;
   while (!counted && std::chrono::steady_clock::now() < deadline) {
     stranger->Write(foreign);
-    counted = watch.WaitUntil([](const StatusWatch::Heard& heard) { return heard.Figure("frontend_tracker", "frames_unreadable") >= 1; },
-                              std::chrono::milliseconds(200));
+    ASSERT_TRUE((*raw)->Write(SampleBytes(100, 0)).ok());
+    counted = watch.WaitUntil(
+        [](const StatusWatch::Heard& heard) {
+          return heard.Figure("frontend_tracker", "frames_unreadable") >= 1 &&
+                 heard.Figure("frontend_tracker", "malformed") >= 1;
+        },
+        std::chrono::milliseconds(200));
   }
   EXPECT_TRUE(counted) << Logs();
 
@@ -50,13 +71,16 @@ TEST_P(ImageTopicTest, FrontendTracksWhatIsPlayed) {
   ExpectWholeOutput(Out());
   EXPECT_GT(Report("summary")["tracked"], 0.8 * static_cast<double>(NumFrames()));
   EXPECT_GE(Report("frontend_tracker")["unreadable"], 1);
+  EXPECT_GE(Report("frontend_tracker")["counters"][BusOptions().image_topic]["malformed"], 1);
   ExpectAccurate(Truth(), Out() + "/trajectory.txt", 0.01);
 }
 
 INSTANTIATE_TEST_SUITE_P(Vendors, ImageTopicTest,
                          ::testing::Values(Playback{"raw_on_fastdds", DdsVendor::kFastDds, DdsVendor::kFastDds, false},
-                                           Playback{"compressed_from_fastdds_to_cyclonedds", DdsVendor::kCycloneDds, DdsVendor::kFastDds, true},
-                                           Playback{"raw_from_cyclonedds_to_fastdds", DdsVendor::kFastDds, DdsVendor::kCycloneDds, false}),
+                                           Playback{"compressed_from_fastdds_to_cyclonedds", DdsVendor::kCycloneDds,
+                                                    DdsVendor::kFastDds, true},
+                                           Playback{"raw_from_cyclonedds_to_fastdds", DdsVendor::kFastDds,
+                                                    DdsVendor::kCycloneDds, false}),
                          [](const auto& parameter) { return parameter.param.name; });
 
 }  // namespace

@@ -16,7 +16,8 @@ namespace {
 /// Domains that neither run.sh (up to 101) nor an operator is likely to choose.
 constexpr int kFirstDomain = 102, kNumDomains = 99;
 
-/// Whether nobody on this machine listens on the domain's discovery port (7400 + 250 x domain, DDSI-RTPS 2.2 Sec. 9.6.1.1).
+/// Whether nobody on this machine listens on the domain's discovery port (7400 + 250 x domain, DDSI-RTPS 2.2
+/// Sec. 9.6.1.1).
 bool IsDomainFree(int domain) {
   const int probe = socket(AF_INET, SOCK_DGRAM, 0);
   sockaddr_in address{};
@@ -45,14 +46,25 @@ std::string BinFolder() {
 
 ProcessTest::ProcessTest() : domain_(NextDomain()) {}
 
-std::string ProcessTest::Program(const std::string& name) { return BinFolder() + "/" + name; }
+std::string ProcessTest::Program(const std::string& name) {
+  return BinFolder() + "/" + name;
+}
 
-std::string ProcessTest::Sequence() { return std::string(PORTOLAN_TEST_SEQUENCES) + "/street"; }
+std::string ProcessTest::Sequence() {
+  return std::string(PORTOLAN_TEST_SEQUENCES) + "/street";
+}
 
-uint64_t ProcessTest::NumFrames() { return PORTOLAN_TEST_FRAMES; }
+uint64_t ProcessTest::NumFrames() {
+  return PORTOLAN_TEST_FRAMES;
+}
 
 std::vector<std::string> ProcessTest::RunCommand(const std::vector<std::string>& arguments) const {
-  std::vector<std::string> command = {Program("../share/portolan/launch_scripts/run.sh"), "--bin", BinFolder(), "--out", Out(), "--domain",
+  std::vector<std::string> command = {Program("../share/portolan/launch_scripts/run.sh"),
+                                      "--bin",
+                                      BinFolder(),
+                                      "--out",
+                                      Out(),
+                                      "--domain",
                                       std::to_string(domain_)};
   command.insert(command.end(), arguments.begin(), arguments.end());
   return command;
@@ -67,7 +79,9 @@ Ended ProcessTest::WaitForEnd(ChildProcess* process) const {
   return {code.value_or(-1), process->Output()};
 }
 
-Ended ProcessTest::RunToEnd(const std::vector<std::string>& command) { return WaitForEnd(Start(command).get()); }
+Ended ProcessTest::RunToEnd(const std::vector<std::string>& command) {
+  return WaitForEnd(Start(command).get());
+}
 
 std::string ProcessTest::CopyOfSequence() const {
   const std::string copy = folder_.Path("sequence");
@@ -79,7 +93,8 @@ std::string ProcessTest::Logs() const {
   std::string logs;
   for (const auto& entry : std::filesystem::recursive_directory_iterator(folder_.path())) {
     const std::string suffix = entry.path().extension();
-    if (suffix == ".log" || suffix == ".out") logs += "--- " + entry.path().string() + "\n" + ReadWholeFile(entry.path());
+    if (suffix == ".log" || suffix == ".out")
+      logs += "--- " + entry.path().string() + "\n" + ReadWholeFile(entry.path());
   }
   return logs;
 }

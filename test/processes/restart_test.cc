@@ -13,7 +13,8 @@ class RestartTest : public DeploymentTest {
   void WaitUntilMapping() {
     ASSERT_TRUE(watch().WaitUntil(
         [](const StatusWatch::Heard& heard) {
-          return heard.Figure("backend_mapper", "keyframes_taken") >= 3 && heard.Figure("atlas_server", "keyframes") >= 3;
+          return heard.Figure("backend_mapper", "keyframes_taken") >= 3 &&
+                 heard.Figure("atlas_server", "keyframes") >= 3;
         },
         kProcessDeadline))
         << Logs();
@@ -23,7 +24,8 @@ class RestartTest : public DeploymentTest {
   void ExpectGoodEnd() {
     const Ended frontend = WaitForFrontend();
     ASSERT_EQ(frontend.code, 0) << frontend.output << Logs();
-    for (const char* role : {"backend_mapper", "loop_closer", "atlas_server"}) EXPECT_EQ(Interrupt(role).code, 0) << role;
+    for (const char* role : {"backend_mapper", "loop_closer", "atlas_server"})
+      EXPECT_EQ(Interrupt(role).code, 0) << role;
     EXPECT_GT(ExpectTrajectory(Out() + "/trajectory.txt").size(), 0.8 * static_cast<double>(NumFrames()));
     ExpectAccurate(Truth(), Out() + "/trajectory.txt", 0.01);
     ExpectWholePly(Out() + "/map.ply");
@@ -32,21 +34,55 @@ class RestartTest : public DeploymentTest {
   }
 };
 
-TEST_F(RestartTest, NewMapperGoesOnWithTheMapInTheNextEpoch) {
-  StartAll({"--data", Sequence(), "--speed", "0.5"});
+class MapperRestartTest : public RestartTest, public ::testing::WithParamInterface<const char*> {};
+
+TEST_P(MapperRestartTest, NewMapperGoesOnWithTheMapInTheNextEpoch) {
+  StartAll({"--data", Sequence(), "--speed", "0.5", "--dds", GetParam()});
   WaitUntilMapping();
   const ProcessStatus first = *watch().heard().Of("backend_mapper");
   Kill("backend_mapper");
-  StartRole("backend_mapper");
+  StartRole("backend_mapper", {"--dds", GetParam()});
   EXPECT_TRUE(watch().WaitUntil(
       [&](const StatusWatch::Heard& heard) {
         const ProcessStatus* mapper = heard.Of("backend_mapper");
-        return mapper->process != first.process && mapper->map == first.map && mapper->epoch > first.epoch && mapper->revision > first.revision;
+        return mapper->process != first.process && mapper->map == first.map && mapper->epoch > first.epoch &&
+               mapper->revision > first.revision;
       },
       kProcessDeadline))
       << Logs();
   ExpectGoodEnd();
   EXPECT_EQ(Report("atlas_server")["takeovers"], 1);
+}
+
+INSTANTIATE_TEST_SUITE_P(Vendors, MapperRestartTest, ::testing::Values("fastdds", "cyclonedds"),
+                         [](const auto& parameter) { return std::string(parameter.param); });
+
+TEST_F(RestartTest, LockstepWaitsForTheNewMapper) {
+  StartAll({"--data", Sequence(), "--speed", "lockstep", "--set", "source.peer_timeout_s=120"});
+  ASSERT_TRUE(
+      watch().WaitUntil([](const StatusWatch::Heard& heard) { return heard.TrackerIsAt(40); }, kProcessDeadline))
+      << Logs();
+  Kill("backend_mapper");
+  StartRole("backend_mapper");
+  ExpectGoodEnd();
+  EXPECT_GT(Report("backend_mapper")["keyframes_taken"], 0) << "the first left no report";
+}
+
+TEST_F(RestartTest, NewLoopCloserCatchesUp) {
+  StartAll({"--data", Sequence(), "--speed", "0.5"});
+  WaitUntilMapping();
+  Kill("loop_closer");
+  StartRole("loop_closer");
+  ExpectGoodEnd();
+}
+
+TEST_F(RestartTest, NewFrontendStartsAMapOfItsOwn) {
+  StartAll({"--data", Sequence(), "--speed", "0.5"});
+  WaitUntilMapping();
+  Kill("frontend_tracker");
+  StartRole("frontend_tracker", {"--data", Sequence(), "--speed", "0.5"});
+  ExpectGoodEnd();
+  EXPECT_EQ(Report("atlas_server")["maps"], 2);
 }
 
 TEST_F(RestartTest, NewAtlasServerTakesUpTheMapFromItsStoreAndFollowsIt) {

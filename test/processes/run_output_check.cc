@@ -36,11 +36,13 @@ void ExpectWholeOutput(const std::string& folder) {
 }
 
 void ExpectSummaryKeys(const nlohmann::json& summary) {
-  for (const char* key : {"frames", "tracked", "dropped", "maps", "keyframes", "points", "loops", "switches", "fusions"}) {
+  for (const char* key :
+       {"frames", "tracked", "dropped", "maps", "keyframes", "points", "loops", "switches", "fusions"}) {
     ASSERT_TRUE(summary.contains(key) && summary[key].is_number_integer()) << key << " in " << summary;
   }
   for (const char* key : {"median", "p95"}) EXPECT_GT(summary["frame_ms"].value(key, 0.0), 0) << key;
-  for (const char* topic : {"keyframe", "map_delta", "tracker_state", "mapper_state", "process_status", "command", "request", "reply"}) {
+  for (const char* topic :
+       {"keyframe", "map_delta", "tracker_state", "mapper_state", "process_status", "command", "request", "reply"}) {
     EXPECT_GT(summary["bytes_sent"].value(topic, 0), 0) << topic;
   }
   for (const char* role : {"frontend_tracker", "backend_mapper", "loop_closer", "atlas_server"}) {

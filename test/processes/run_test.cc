@@ -38,11 +38,12 @@ TEST_P(VendorTest, LockstepRunLeavesAWholeResult) {
   EXPECT_EQ(Report("summary")["dropped"], 0) << "lockstep waits for the tracker";
 }
 
-INSTANTIATE_TEST_SUITE_P(All, VendorTest,
-                         ::testing::Values(Vendors{"fastdds", {"--dds", "fastdds"}}, Vendors{"cyclonedds", {"--dds", "cyclonedds"}},
-                                           Vendors{"mapper_on_cyclonedds", {"--dds", "fastdds", "--dds-mapper", "cyclonedds"}},
-                                           Vendors{"frontend_on_cyclonedds", {"--dds", "fastdds", "--dds-frontend", "cyclonedds"}}),
-                         [](const auto& parameter) { return parameter.param.name; });
+INSTANTIATE_TEST_SUITE_P(
+    All, VendorTest,
+    ::testing::Values(Vendors{"fastdds", {"--dds", "fastdds"}}, Vendors{"cyclonedds", {"--dds", "cyclonedds"}},
+                      Vendors{"mapper_on_cyclonedds", {"--dds", "fastdds", "--dds-mapper", "cyclonedds"}},
+                      Vendors{"frontend_on_cyclonedds", {"--dds", "fastdds", "--dds-frontend", "cyclonedds"}}),
+    [](const auto& parameter) { return parameter.param.name; });
 
 TEST_F(RunTest, TwoLockstepRunsGiveTheSameBytes) {
   std::string first;
@@ -61,7 +62,9 @@ TEST_F(RunTest, SlowRealTimeDropsNothingAndCountsEveryFrameOnce) {
   ExpectGoodRun(run);
   const nlohmann::json summary = Report("summary"), frontend = Report("frontend_tracker");
   EXPECT_EQ(summary["dropped"], 0);
-  EXPECT_EQ(frontend["frame_ms"]["count"].get<uint64_t>() + frontend["dropped"].get<uint64_t>() + frontend["unreadable"].get<uint64_t>(), NumFrames());
+  EXPECT_EQ(frontend["frame_ms"]["count"].get<uint64_t>() + frontend["dropped"].get<uint64_t>() +
+                frontend["unreadable"].get<uint64_t>(),
+            NumFrames());
   EXPECT_EQ(summary["lost"].get<uint64_t>() + summary["tracked"].get<uint64_t>(), NumFrames());
 }
 

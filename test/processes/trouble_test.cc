@@ -26,7 +26,8 @@ class TroubleTest : public ProcessTest {
     StatusWatch watch(DdsVendor::kFastDds, domain_);
     ASSERT_TRUE(watch.WaitUntil(
         [](const StatusWatch::Heard& heard) {
-          return heard.Figure("backend_mapper", "keyframes_taken") >= 3 && heard.tracker && heard.tracker->state == TrackingState::kTracking;
+          return heard.Figure("backend_mapper", "keyframes_taken") >= 3 && heard.tracker &&
+                 heard.tracker->state == TrackingState::kTracking;
         },
         kProcessDeadline))
         << Logs();
@@ -55,7 +56,9 @@ TEST_F(TroubleTest, InterruptEndsTheRunAndLeavesWhatWasDone) {
   ExpectWholeOutput(Out());
   const nlohmann::json summary = Report("summary");
   EXPECT_LT(summary["frames"], NumFrames());
-  EXPECT_EQ(summary["exit_codes"], (nlohmann::json{{"frontend_tracker", kInterrupted}, {"backend_mapper", 0}, {"loop_closer", 0}, {"atlas_server", 0}}));
+  EXPECT_EQ(summary["exit_codes"],
+            (nlohmann::json{
+                {"frontend_tracker", kInterrupted}, {"backend_mapper", 0}, {"loop_closer", 0}, {"atlas_server", 0}}));
 }
 
 /// A small file system of its own; needs the right to mount.
@@ -98,7 +101,8 @@ TEST_F(TroubleTest, FullDiskIsNamedAndWhatWasThereStays) {
   EXPECT_THAT(ended.output, HasSubstr(Out()));
   EXPECT_EQ(ReadWholeFile(Out() + "/trajectory.txt"), earlier);
   for (const auto& entry : std::filesystem::directory_iterator(Out())) {
-    EXPECT_THAT(entry.path().extension(), AnyOf("", ".txt", ".db", ".db-wal", ".db-shm")) << entry.path() << " is left over";
+    EXPECT_THAT(entry.path().extension(), AnyOf("", ".txt", ".db", ".db-wal", ".db-shm"))
+        << entry.path() << " is left over";
   }
 }
 

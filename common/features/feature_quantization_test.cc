@@ -1,4 +1,4 @@
-#include "messages/feature_quantization.h"
+#include "features/feature_quantization.h"
 
 #include <gtest/gtest.h>
 
