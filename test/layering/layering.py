@@ -22,8 +22,6 @@ INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^">]+)[">]')
 # Headers of the DDS vendors, of CDR, of what is generated, and the one that brings the generated types in.
 BEHIND_THE_EDGE = re.compile(r"^(portolan_idl/|fastdds/|fastrtps/|fastcdr/|dds/|ddsc/|messages/wire\.h$|messages/wire_codec\.h$)")
 OF_THE_EDGE = re.compile(r"^(transport|messages|process)/")
-# Of messages/, but without DDS: what the wire can carry, for whoever makes features.
-PURE_HEADERS = ("messages/feature_quantization.h",)
 
 
 def place_of(path):
@@ -40,7 +38,7 @@ def breach_of(header, place):
         return None
     if BEHIND_THE_EDGE.match(header):
         return "is for common/messages, common/transport and process/ alone"
-    if place == "pure" and OF_THE_EDGE.match(header) and header not in PURE_HEADERS:
+    if place == "pure" and OF_THE_EDGE.match(header):
         return "is of the DDS edge; this folder is pure"
     return None
 

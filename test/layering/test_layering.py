@@ -53,7 +53,7 @@ class BreachTest(unittest.TestCase):
             self.assertEqual(self.breaches_of(path, '#include <fastcdr/Cdr.h>\n#include "messages/wire.h"\n#include "process/x.h"\n'), [], path)
 
     def test_what_is_no_dds_is_allowed(self):
-        text = '#include "messages/feature_quantization.h"\n#include "map/protocol.h"\n// #include "transport/bus.h"\n#include <vector>\n'
+        text = '#include "features/feature_quantization.h"\n#include "map/protocol.h"\n// #include "transport/bus.h"\n#include <vector>\n'
         self.assertEqual(self.breaches_of("frontend_tracker/tracking/a.cc", text), [])
 
 
