@@ -45,14 +45,14 @@ bool KeyFramePolicy::IsQualityGood(const Frame& frame) const {
   return frame.num_inliers >= options_.min_points && frame.Quality() > options_.min_quality;
 }
 
-bool KeyFramePolicy::IsFarEnough(const Map& map, const Frame& frame) const {
+bool KeyFramePolicy::IsFar(const Map& map, const Frame& frame, double factor) const {
   const double depth = MeanDepth(map, frame);
   if (depth <= 0) return false;
   const double distance = DistanceToNearestKeyFrame(map, frame.camera_from_map);
-  return distance / depth > options_.distance_factor * first_distance_over_depth_;  // paper Eq. (7)
+  return distance / depth > factor * first_distance_over_depth_;  // paper Eq. (7)
 }
 
-bool KeyFramePolicy::IsViewNew(const Map& map, const Frame& frame) const {
+bool KeyFramePolicy::HasLost(const Map& map, const Frame& frame, double share) const {
   const KeyFrame* reference = map.FindKeyFrame(frame.reference);
   if (reference == nullptr) return false;
   // Landmarks that only the keyframe and one neighbour see are new: whether they can be tracked is not known yet.
@@ -60,14 +60,19 @@ bool KeyFramePolicy::IsViewNew(const Map& map, const Frame& frame) const {
   const auto seen = std::count_if(reference->landmarks.begin(), reference->landmarks.end(), [&](MapPointId id) {
     return id.IsValid() && map.point(id).observations.size() >= kEstablished;
   });
-  return frame.num_inliers < options_.max_reference_overlap * static_cast<double>(seen);
+  return frame.num_inliers < share * static_cast<double>(seen);
+}
+
+bool KeyFramePolicy::IsUrgent(const Map& map, const Frame& frame) const {
+  return IsFar(map, frame, options_.urgent_distance_factor) || HasLost(map, frame, options_.urgent_reference_overlap);
 }
 
 KeyFramePolicy::Decision KeyFramePolicy::Decide(const Map& map, const Frame& frame, bool mapper_idle) const {
   if (!IsQualityGood(frame)) return Decision::kNo;
   if (SecondsBetween(last_keyframe_stamp_, frame.stamp) < options_.min_interval_s) return Decision::kNo;
   if (!IsFarEnough(map, frame) && !IsViewNew(map, frame)) return Decision::kNo;
-  return mapper_idle ? Decision::kInsert : Decision::kInterrupt;
+  if (mapper_idle) return Decision::kInsert;
+  return IsUrgent(map, frame) ? Decision::kInterrupt : Decision::kNo;
 }
 
 }  // namespace portolan

@@ -19,18 +19,25 @@ class KeyFramePolicy {
   enum class Decision {
     kNo,         ///< quality is poor, or too near to another keyframe
     kInsert,
-    kInterrupt,  ///< only the busy mapper is in the way: tell it to stop optimising (paper Sec. 3.3)
+    kInterrupt,  ///< urgent, and only the busy mapper is in the way: tell it to stop optimising (paper Sec. 3.3)
   };
   Decision Decide(const Map& map, const Frame& frame, bool mapper_idle) const;
 
   /// First condition: at least 10 points and s = n / m > 0.7.
   bool IsQualityGood(const Frame& frame) const;
   /// Second condition, Eq. (7): s_ci / d_c > s_01 / d_0.
-  bool IsFarEnough(const Map& map, const Frame& frame) const;
+  bool IsFarEnough(const Map& map, const Frame& frame) const { return IsFar(map, frame, options_.distance_factor); }
   /// Beyond the paper: the frame has lost sight of much of what its reference keyframe sees, as when the camera turns.
-  bool IsViewNew(const Map& map, const Frame& frame) const;
+  bool IsViewNew(const Map& map, const Frame& frame) const { return HasLost(map, frame, options_.max_reference_overlap); }
+  /// Whether the frame is worth interrupting a busy mapper for: by the same two measures, with their urgent limits.
+  bool IsUrgent(const Map& map, const Frame& frame) const;
 
  private:
+  /// s_ci / d_c > factor * s_01 / d_0.
+  bool IsFar(const Map& map, const Frame& frame, double factor) const;
+  /// Fewer than `share` of the reference's established landmarks are tracked.
+  bool HasLost(const Map& map, const Frame& frame, double share) const;
+
   KeyFramePolicyOptions options_;
   double first_distance_over_depth_ = 0;  // s_01 / d_0
   Timestamp last_keyframe_stamp_{INT64_MIN / 2};

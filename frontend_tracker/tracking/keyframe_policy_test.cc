@@ -113,6 +113,17 @@ TEST_F(KeyFramePolicyTest, ABusyMapperIsInterruptedOnlyIfItAloneIsInTheWay) {
   EXPECT_EQ(policy_.Decide(map_, poor, false), Decision::kNo);
 }
 
+TEST_F(KeyFramePolicyTest, WhatIsNotUrgentWaitsForAnIdleMapper) {
+  KeyFramePolicyOptions options = PaperOptions();
+  options.distance_factor = 0.5;
+  KeyFramePolicy dense(options);
+  dense.StartMap(map_);
+  const Frame near = MakeFrame(0.9, 1.0), far = MakeFrame(1.15, 1.0);
+  EXPECT_EQ(dense.Decide(map_, near, true), Decision::kInsert);
+  EXPECT_EQ(dense.Decide(map_, near, false), Decision::kNo);
+  EXPECT_EQ(dense.Decide(map_, far, false), Decision::kInterrupt);
+}
+
 TEST_F(KeyFramePolicyTest, KeepsTheInterval) {
   KeyFramePolicyOptions options;
   options.min_interval_s = 0.5;

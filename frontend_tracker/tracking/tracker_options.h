@@ -24,6 +24,9 @@ struct KeyFramePolicyOptions {
   double min_quality = 0.7;            ///< s = n / m above it: quality is good (paper)
   double max_reference_overlap = 0.9;  ///< beyond the paper: share of the reference keyframe's established landmarks still tracked, below which
                                        ///< the view has changed enough even without translation (rotation into the unseen)
+  double urgent_reference_overlap = 0.6;  ///< below this share the frame is urgent: a busy mapper is interrupted for it
+  double urgent_distance_factor = 1.0;    ///< from this factor on (the paper's Eq. 7) too. What is less urgent waits for an idle mapper: a BA that is
+                                          ///< interrupted for every frame never gets anywhere
   double min_interval_s = 0.0;         ///< at least this long after the last keyframe
   double distance_factor = 0.5;        ///< scales the right side of Eq. (7). Half the paper's: the mapper has time for the keyframes, and scale drifts less with
                                        ///< them (kitti_00 in lockstep: 1.8 m instead of 2.3 m)

@@ -67,7 +67,7 @@ def figures(summary, evaluation, orb_ms):
     """A run's row, unformatted. `poses` counts the trajectory's: a frame that was localised afterwards has one too."""
     frame_ms = summary["frame_ms"]
     return {
-        "poses": evaluation["poses"], "frames": evaluation["frames"],
+        "poses": evaluation["tracked"], "frames": evaluation["frames"],
         "ate": evaluation["joined"].get("ate", {}).get("rmse"),  # none when there were too few poses to align
         "maps": summary["maps"], "keyframes": summary["keyframes"],
         "median_ms": frame_ms["median"], "p95_ms": frame_ms["p95"], "orb_ratio": frame_ms["median"] / orb_ms,

@@ -7,7 +7,7 @@ import unittest
 import benchmark
 
 SUMMARY = {"maps": 1, "keyframes": 40, "frame_ms": {"median": 30.0, "p95": 45.0}, "cpu_s": {"a": 10.0, "b": 20.5}, "peak_memory_mb": {"a": 100, "b": 50}}
-EVALUATION = {"poses": 297, "frames": 300, "joined": {"ate": {"rmse": 1.5}}}
+EVALUATION = {"tracked": 297, "frames": 300, "joined": {"ate": {"rmse": 1.5}}}
 
 
 class BenchmarkTest(unittest.TestCase):
