@@ -4,6 +4,7 @@
 #include <set>
 #include <utility>
 
+#include "messages/limits.h"
 #include "process/process_report.h"
 
 namespace portolan {
@@ -11,7 +12,6 @@ namespace {
 
 constexpr double kStatusPeriodS = 1.0;
 constexpr double kTickPeriodS = 0.15;  // well within the liveliness lease of 500 ms
-constexpr size_t kChunkElements = 8192;  // of a delta: some 300 KB a chunk
 constexpr size_t kMaxEarly = 8;          // keyframes of a map whose grant is still on its way; the tracker sends them again
 constexpr auto kRequestInterval = std::chrono::seconds(1);
 
@@ -234,7 +234,7 @@ Status MapperProcess::TakeIntoMap(LocalMapper* mapper, std::shared_ptr<const Key
 }
 
 void MapperProcess::PublishDelta(const MapDelta& delta) {
-  for (const MapDeltaChunk& chunk : SplitDelta(delta, kChunkElements)) delta_writer_->Write(chunk);
+  for (const MapDeltaChunk& chunk : SplitDelta(delta, kDeltaChunkElements)) delta_writer_->Write(chunk);
   status_.AssertLiveliness();
 }
 
