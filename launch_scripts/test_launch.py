@@ -28,7 +28,7 @@ def report(role, **more):
 
 
 FRONTEND_REPORT = report("frontend_tracker", bytes_sent={"keyframe": 7, "process_status": 5}, frames=10, tracked=9, lost=0, dropped=1, maps=1,
-                         keyframes=4, points=200, loops=0, switches=0, fusions=0, frame_ms={"median": 20.0, "p95": 30.0})
+                         keyframes=4, points=200, loops=0, switches=0, fusions=0, frame_ms={"median": 20.0, "p95": 30.0}, lens_residual=[0, 0])
 
 
 class RunTest(unittest.TestCase):
@@ -92,7 +92,8 @@ class WholeRunTest(RunTest):
         code, errors = self.run_to_end()
         self.assertEqual(code, 0, errors)
         summary = self.summary()
-        for key in ("frames", "tracked", "dropped", "lost", "maps", "keyframes", "points", "loops", "switches", "fusions", "frame_ms"):
+        for key in ("frames", "tracked", "dropped", "lost", "maps", "keyframes", "points", "loops", "switches", "fusions", "frame_ms",
+                    "lens_residual"):
             self.assertEqual(summary[key], FRONTEND_REPORT[key])
         self.assertEqual(summary["bytes_sent"], {"keyframe": 7, "process_status": 35})
         roles = {*BACK_ENDS, "frontend_tracker"}

@@ -151,29 +151,6 @@ void TakePositions(Map* map, const WindowProblem& solved) {
   }
 }
 
-/// Runs the stages on a problem. @return the summary of the last one that gave a result, with the iterations of both.
-BundleSummary Solve(BundleProblem* problem, const LocalBundleOptions& options, const std::atomic<bool>* stop) {
-  BundleOptions bundle;
-  bundle.max_iterations = options.robust_iterations;
-  bundle.chi2 = options.chi2;
-  const BundleSummary robust = AdjustBundle(problem, bundle, stop);
-  if (!robust.converged_or_stopped || robust.interrupted || options.final_iterations == 0) return robust;
-  BundleProblem inliers;
-  inliers.poses = problem->poses;
-  inliers.points_in_map = problem->points_in_map;
-  for (const auto& measurement : problem->measurements) {
-    if (NormalizedSquaredError(*problem, measurement) <= options.chi2) inliers.measurements.push_back(measurement);
-  }
-  bundle.max_iterations = options.final_iterations;
-  bundle.robust = false;
-  BundleSummary last = AdjustBundle(&inliers, bundle, stop);
-  if (!last.converged_or_stopped) return robust;
-  last.iterations += robust.iterations;
-  problem->poses = std::move(inliers.poses);
-  problem->points_in_map = std::move(inliers.points_in_map);
-  return last;
-}
-
 }  // namespace
 
 LocalWindow SelectLocalWindow(const Map& map, KeyFrameId keyframe, const LocalBundleOptions& options) {
@@ -204,7 +181,9 @@ LocalBundleResult OptimizeLocalWindow(Map* map, KeyFrameId keyframe, const Local
   result.keyframes = static_cast<int>(window.free.size());
   result.points = static_cast<int>(window_problem.points.size());
   result.measurements = static_cast<int>(window_problem.problem.measurements.size());
-  result.summary = Solve(&window_problem.problem, options, stop);
+  BundleOptions bundle;
+  bundle.max_iterations = options.iterations;
+  result.summary = AdjustBundle(&window_problem.problem, bundle, stop);
   if (!result.summary.converged_or_stopped) return result;
   TakePoses(map, window, window_problem.problem);
   TakePositions(map, window_problem);

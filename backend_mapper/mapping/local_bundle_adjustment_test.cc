@@ -92,7 +92,7 @@ TEST_F(LocalBundle, TheFirstKeyFrameNeverMoves) {
 
 TEST_F(LocalBundle, RecoversAPerturbedMap) {
   Perturb(0.02, 3);
-  options_.robust_iterations = 10;
+  options_.iterations = 10;
   const double before = MedianPointError();
   const LocalBundleResult result = OptimizeLocalWindow(&map_, last(), options_, nullptr);
   EXPECT_TRUE(result.summary.converged_or_stopped);
@@ -131,13 +131,12 @@ TEST_F(LocalBundle, RemovesGrossErrors) {
 
 TEST_F(LocalBundle, ReducesNoiseAsItShould) {
   TestSceneOptions noisy;
-  noisy.pixel_sigma = 0.5;
+  noisy.pixel_sigma = 0.33;  // as of corners that were matched rightly
   Build(noisy, 8);
   Perturb(0.05, 5);
   const double before = MedianPointError();
-  options_.final_iterations = 3;
   OptimizeLocalWindow(&map_, last(), options_, nullptr);
-  // At depth 7, 0.5 px * 2.5 (octave 5) / 500 is 0.018 across; depth from a base of 1.5 is three to five times worse.
+  // At depth 7, 0.33 px * 2.5 (octave 5) / 500 is 0.012 across; depth from a base of 1.5 is three to five times worse.
   EXPECT_LT(MedianPointError(), std::min(0.05, before));
 }
 

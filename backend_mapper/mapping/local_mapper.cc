@@ -1,10 +1,12 @@
 #include "mapping/local_mapper.h"
 
+#include <climits>
 #include <string>
 #include <unordered_set>
 
 #include "base/time.h"
 #include "mapping/correction.h"
+#include "mapping/lens_refinement.h"
 #include "mapping/map_initialization.h"
 #include "mapping/point_creation.h"
 #include "optimization/pose_optimization.h"
@@ -27,7 +29,8 @@ LocalMapper::LocalMapper(const MapperOptions& options, Map map, Epoch epoch, Rob
       map_(std::move(map)),
       point_ids_(robot, session),
       publish_(std::move(publish)),
-      probation_(options.pruning) {
+      probation_(options.pruning),
+      next_lens_refinement_(options.lens.enabled && map_.keyframes().empty() ? options.lens.first_keyframes : INT_MAX) {
   map_.SetEpoch(epoch);
 }
 
@@ -68,6 +71,7 @@ Status LocalMapper::Process(KeyFramePtr data, const KeyFrameMessage& message, co
   }
   Prune();
   PublishChanges();
+  RefineLens(nullptr);
   return Ok{};
 }
 
@@ -164,6 +168,15 @@ std::vector<KeyFrameId> LocalMapper::Prune() {
   }
   stage_times_.Add("prune", watch.Milliseconds());
   return pruned;
+}
+
+void LocalMapper::RefineLens(const std::atomic<bool>* stop) {
+  const auto keyframes = static_cast<int>(map_.keyframes().size());
+  if (!residual_.IsNone() || keyframes < next_lens_refinement_ || keyframes > options_.lens.max_keyframes) return;
+  const Stopwatch watch;
+  next_lens_refinement_ = static_cast<int>(options_.lens.growth * keyframes);
+  residual_ = FindRadialResidual(map_, options_.lens, stop).value_or(RadialResidual());
+  stage_times_.Add("lens", watch.Milliseconds());
 }
 
 void LocalMapper::PublishChanges() {

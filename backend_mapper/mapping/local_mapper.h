@@ -73,11 +73,16 @@ class LocalMapper {
   /// Hands the whole map to `publish`.
   void PublishSnapshot();
 
+  /// Looks for what the calibration left, as the map grows (see LensRefinementOptions), until it is found. Changes nothing in the map.
+  void RefineLens(const std::atomic<bool>* stop);
+  /// What it found, for the frames to come; none before, and for an exact calibration.
+  const RadialResidual& residual() const { return residual_; }
+
   /// Applies a proposal of another process and publishes it; fails, changing nothing, when it does not fit (see
   /// ApplyMapCorrection).
   Status ApplyCorrection(const MapCorrection& correction);
 
-  /// Milliseconds of the steps: insert, extend, fuse, local_ba, prune.
+  /// Milliseconds of the steps: insert, extend, fuse, local_ba, prune, lens.
   const StageTimes& stage_times() const { return stage_times_; }
 
  private:
@@ -92,6 +97,8 @@ class LocalMapper {
   StageTimes stage_times_;
   KeyFrameId newest_;  // the keyframe that the steps work on
   PointProbation probation_;
+  RadialResidual residual_;
+  int next_lens_refinement_;  // number of keyframes; a map taken over may hold frames from before and after a refinement
   Successors<MapPointId> merged_points_;  // the tracker may still name what was merged or removed here
   Successors<KeyFrameId> removed_keyframes_;
 };

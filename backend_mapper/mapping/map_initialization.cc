@@ -120,7 +120,7 @@ Result<InitialStructure> ReconstructInitialStructure(const KeyFrameData& first, 
     BundleProblem problem = MakeProblem(first, second, structure);
     const BundleSummary summary = AdjustBundle(&problem, bundle, nullptr);
     if (!summary.converged_or_stopped) return Error{"map initialisation: bundle adjustment failed"};
-    TakeSolution(problem, bundle.chi2, &structure);
+    TakeSolution(problem, options.chi2, &structure);
   }
   if (Status enough = CheckEnoughPoints(structure, options); !enough.ok()) return enough.error();
   NormalizeScale(&structure);

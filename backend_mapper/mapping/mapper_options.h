@@ -9,6 +9,7 @@ namespace portolan {
 struct InitializationOptions {
   TwoViewOptions two_view;
   int min_points = 50;         ///< points that survive BA; with fewer the tracker would lose the new map at once
+  double chi2 = 5.991;         ///< squared normalised error of an outlier after BA
   int bundle_iterations = 15;  ///< of each of the two BA runs; two views converge in about ten
 };
 
@@ -41,11 +42,25 @@ struct LocalBundleOptions {
   int max_keyframes = 20;     ///< free keyframes, best covisible first; bounds the time
   int max_fixed = 25;         ///< keyframes that hold the window in place, most shared points first
   int min_common = 15;        ///< points that a keyframe of the window shares with the newest
-  int robust_iterations = 5;  ///< with Huber loss, before outliers are taken out
-  /// Without loss, after the outliers are taken out of the problem; 0 leaves this stage out. Measured on kitti_00 and
-  /// kitchen with 1900, 2000 and 2100 features: three iterations cost a tenth more time and gain no accuracy.
-  int final_iterations = 0;
+  int iterations = 5;         ///< at most; the window was optimised with the last keyframe already
   double chi2 = 5.991;  ///< squared normalised error of an outlier
+};
+
+/// Finding the radial distortion that the calibration left (beyond the paper).
+struct LensRefinementOptions {
+  bool enabled = true;
+  int first_keyframes = 30;  ///< size of a new map when it is looked for first,
+  double growth = 1.5;       ///< again whenever the map has grown by this factor,
+  int max_keyframes = 300;   ///< and up to this size
+  int window = 60;           ///< newest keyframes that take part; with max_points they bound the time to some 0.2 s
+  int min_observations = 3;  ///< of a point that takes part
+  int min_points = 200;      ///< fewer: not looked for
+  int max_points = 600;      ///< of the longest tracks
+  int max_iterations = 12;
+  double min_shift_px = 0.5;  ///< at the rim; less does no harm
+  /// Drop of the error in units of the features' variance. Measured: up to 15 for exact calibrations and for camera paths that don't tell (straight
+  /// ones, whose estimates are off by a factor of two), 35 to 300 where estimates agree with later ones.
+  double min_evidence = 30;
 };
 
 /// What leaves the map again (paper Sec. 4.2, pruning).
@@ -66,6 +81,7 @@ struct MapperOptions {
   PointCreationOptions creation;
   FusionOptions fusion;
   LocalBundleOptions bundle;
+  LensRefinementOptions lens;
   PruningOptions pruning;
 
   /// Ranges of each field; the message names the field, its value and what was expected.

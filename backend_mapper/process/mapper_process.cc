@@ -178,7 +178,7 @@ void MapperProcess::OnKeyFrame(const KeyFrameMessage& message) {
   if (message.kind == KeyFrameKind::kCopy) {
     const auto takeover = takeovers_.find(message.map);
     if (takeover != takeovers_.end()) {
-      takeover->second.replica.AddKeyFrameData(MakeKeyFrameData(message.data, vocabulary_.get()));
+      takeover->second.replica.AddKeyFrameData(MakeKeyFrameData(message.data, nullptr));
       ContinueTakeovers();
     }
     return;
@@ -199,7 +199,7 @@ void MapperProcess::Take(LocalMapper* mapper, const KeyFrameMessage& message) {
   state_.map = message.map;
   stop_optimisation_ = false;
   PublishState(false);
-  auto data = MakeKeyFrameData(message.data, vocabulary_.get());
+  auto data = MakeKeyFrameData(message.data, nullptr);  // mapping asks for no words
   const KeyFrameId id = data->id;
   const bool known = mapper->map().FindKeyFrame(id) != nullptr;  // sent again: the acknowledgement was lost or is on its way
   Status taken = known ? Status(Ok{}) : TakeIntoMap(mapper, std::move(data), message);
@@ -215,6 +215,7 @@ void MapperProcess::Take(LocalMapper* mapper, const KeyFrameMessage& message) {
   state_.last_keyframe = id;
   state_.epoch = mapper->map().epoch();
   state_.revision = mapper->map().revision();
+  state_.residual = mapper->residual();
   PublishState(keyframes_waiting_ == 0);
 }
 

@@ -104,14 +104,16 @@ Status CameraModel::Check() const {
 }
 
 std::vector<cv::Point2f> CameraModel::Undistort(const std::vector<cv::Point2f>& pixels_px) const {
-  if (distortion == Distortion::kNone) return pixels_px;
+  if (IsIdeal()) return pixels_px;
+  const std::array<double, 5> left = {residual.k1, residual.k2, 0, 0, 0};
   std::vector<cv::Point2f> ideal_px;
   ideal_px.reserve(pixels_px.size());
   for (const cv::Point2f& pixel : pixels_px) {
     const Eigen::Vector2d distorted_xy = pinhole.Normalize({pixel.x, pixel.y});
-    const Eigen::Vector2d xy = distortion == Distortion::kKannalaBrandt4
-                                   ? UndistortFisheye(coefficients, distorted_xy)
-                                   : UndistortRadialTangential(coefficients, distorted_xy);
+    Eigen::Vector2d xy = distorted_xy;
+    if (distortion == Distortion::kKannalaBrandt4) xy = UndistortFisheye(coefficients, xy);
+    if (distortion == Distortion::kRadialTangential) xy = UndistortRadialTangential(coefficients, xy);
+    if (!residual.IsNone() && xy.allFinite()) xy = UndistortRadialTangential(left, xy);
     ideal_px.emplace_back(static_cast<float>(pinhole.fx * xy.x() + pinhole.cx),
                           static_cast<float>(pinhole.fy * xy.y() + pinhole.cy));
   }
@@ -119,7 +121,7 @@ std::vector<cv::Point2f> CameraModel::Undistort(const std::vector<cv::Point2f>& 
 }
 
 Eigen::Vector2d CameraModel::Distort(const Eigen::Vector3d& point_in_camera) const {
-  const Eigen::Vector2d xy = point_in_camera.hnormalized();
+  const Eigen::Vector2d xy = residual.Distort(point_in_camera.hnormalized());
   Eigen::Vector2d distorted_xy = xy;
   if (distortion == Distortion::kRadialTangential) {
     distorted_xy = DistortRadialTangential(coefficients, xy, nullptr);

@@ -50,16 +50,33 @@ enum class Distortion {
   kKannalaBrandt4,    ///< fisheye: theta polynomial k1 k2 k3 k4 (OpenCV's fisheye, "KB4", "equidistant")
 };
 
+/// Radial distortion that a calibration left, found while mapping: a point (x, y) on the plane z = 1 appears, once the calibration's
+/// own distortion is taken out, at (1 + k1 r^2 + k2 r^4) (x, y), with r^2 = x^2 + y^2.
+struct RadialResidual {
+  double k1 = 0, k2 = 0;
+
+  bool IsNone() const { return k1 == 0 && k2 == 0; }
+  Eigen::Vector2d Distort(const Eigen::Vector2d& xy) const {
+    const double r2 = xy.squaredNorm();
+    return (1 + r2 * (k1 + r2 * k2)) * xy;
+  }
+  friend bool operator==(const RadialResidual& a, const RadialResidual& b) { return a.k1 == b.k1 && a.k2 == b.k2; }
+};
+
 /// A calibrated camera: a pinhole and its lens distortion.
 /// Source: OpenCV calib3d documentation for radial-tangential; Kannala and Brandt, PAMI 2006 for KB4.
 struct CameraModel {
   PinholeCamera pinhole;  ///< intrinsics and image size; the ideal camera that features are undistorted to
   Distortion distortion = Distortion::kNone;
   std::array<double, 5> coefficients{};  ///< k1 k2 p1 p2 k3, or k1 k2 k3 k4 and 0
+  RadialResidual residual;               ///< on top of them
   double fps = 0;                        ///< nominal frame rate, 0 if unknown
 
   /// Finite values, positive focal lengths and size, principal point inside the image; the message names the field.
   Status Check() const;
+
+  /// Whether pixels of the image are those of the ideal camera.
+  bool IsIdeal() const { return distortion == Distortion::kNone && residual.IsNone(); }
 
   /// Distorted (as in the image) to ideal pixels. Fisheye rays beyond 80 degrees from the axis have no ideal pixel:
   /// those come back as NaN and their features are dropped. @param pixels_px N. @return N.

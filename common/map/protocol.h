@@ -7,6 +7,7 @@
 
 #include "base/ids.h"
 #include "base/time.h"
+#include "geometry/camera_model.h"
 #include "geometry/rigid3.h"
 #include "geometry/sim3.h"
 #include "map/keyframe.h"
@@ -70,6 +71,7 @@ struct MapperState {
   KeyFrameId last_keyframe;         ///< the last keyframe fully taken in (or refused), for lockstep and acknowledgement
   KeyFrameId refused_keyframe;      ///< the last keyframe refused (second of an initial pair, or one that does not fit), none if none
   std::string refusal;              ///< why
+  RadialResidual residual;          ///< what the calibration of the map's camera left, as far as the mapper knows
 };
 
 /// A proposal to change a map, made from a snapshot of it (loop closure, FBA, global BA, fusion). The owner applies it; keyframes younger than the

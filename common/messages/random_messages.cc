@@ -179,6 +179,7 @@ MapperState RandomMapperState(Random* random) {
   state.last_keyframe = RandomId<KeyFrameId>(random);
   state.refused_keyframe = RandomId<KeyFrameId>(random);
   state.refusal = RandomText(random);
+  state.residual = {random->Uniform(-0.1, 0.1), random->Uniform(-0.1, 0.1)};
   return state;
 }
 

@@ -7,6 +7,9 @@
 #include "messages/message_check.h"
 
 namespace portolan {
+namespace {
+constexpr double kMaxRadialResidual = 1.0;  // of a calibration's remainder; whole lenses have less
+}  // namespace
 
 wire::TrackerState ToWire(const TrackerState& state) {
   wire::TrackerState wire;
@@ -59,6 +62,8 @@ wire::MapperState ToWire(const MapperState& state) {
   wire.last_keyframe(state.last_keyframe.value);
   wire.refused_keyframe(state.refused_keyframe.value);
   wire.refusal(state.refusal);
+  wire.residual_k1(state.residual.k1);
+  wire.residual_k2(state.residual.k2);
   return wire;
 }
 
@@ -66,6 +71,10 @@ Result<MapperState> FromWire(const wire::MapperState& wire) {
   MessageCheck check("MapperState");
   check.Id("process", wire.process());
   check.Text("refusal", wire.refusal(), kMaxLineBytes);
+  for (const auto& [field, value] : {std::pair("residual_k1", wire.residual_k1()), std::pair("residual_k2", wire.residual_k2())}) {
+    check.Finite(field, value);
+    check.Require(std::abs(value) <= kMaxRadialResidual, std::string(field) + " is " + std::to_string(value) + ", expected at most 1 either way");
+  }
   if (!check.ok()) return check.error();
 
   MapperState state;
@@ -78,6 +87,7 @@ Result<MapperState> FromWire(const wire::MapperState& wire) {
   state.last_keyframe = KeyFrameId(wire.last_keyframe());
   state.refused_keyframe = KeyFrameId(wire.refused_keyframe());
   state.refusal = wire.refusal();
+  state.residual = {wire.residual_k1(), wire.residual_k2()};
   return state;
 }
 

@@ -71,6 +71,7 @@ TEST(StatusMessagesTest, MapperStatesComeBack) {
   EXPECT_EQ(received->last_keyframe, sent.last_keyframe);
   EXPECT_EQ(received->refused_keyframe, sent.refused_keyframe);
   EXPECT_EQ(received->refusal, sent.refusal);
+  EXPECT_EQ(received->residual, sent.residual);
 }
 
 TEST(StatusMessagesTest, ProcessStatusesComeBack) {
@@ -116,6 +117,8 @@ TEST(StatusMessagesTest, RefusesWhatIsMalformedAndSaysWhy) {
                                    {
                                        {"process is none", [](wire::MapperState* w) { w->process(0); }},
                                        {"refusal holds", [](wire::MapperState* w) { w->refusal("\x1b[2J"); }},
+                                       {"residual_k1 is", [](wire::MapperState* w) { w->residual_k1(std::nan("")); }},
+                                       {"residual_k2 is 7", [](wire::MapperState* w) { w->residual_k2(7); }},
                                    });
   ExpectRefused<wire::ProcessStatus>(
       ToWire(RandomProcessStatus(&random)),

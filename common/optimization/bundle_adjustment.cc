@@ -77,7 +77,7 @@ class CeresBundle {
  public:
   /// @param source must outlive this object.
   CeresBundle(const BundleProblem& source, const BundleOptions& options)
-      : points_(source.points_in_map), prepare_(&poses_), loss_(std::sqrt(options.chi2)) {
+      : points_(source.points_in_map), prepare_(&poses_), loss_(options.loss_width) {
     for (const BundleProblem::Pose& pose : source.poses) poses_.emplace_back(pose.camera_from_map);
     ceres::Problem::Options problem_options;
     problem_options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
@@ -151,7 +151,7 @@ class CeresBundle {
   std::vector<PoseUpdate> poses_;
   std::vector<Eigen::Vector3d> points_;
   PreparePoses prepare_;
-  ceres::HuberLoss loss_;
+  ceres::CauchyLoss loss_;
   std::deque<ReprojectionCost> free_costs_;
   std::deque<FixedPoseReprojectionCost> fixed_costs_;
   std::shared_ptr<ceres::ParameterBlockOrdering> ordering_;

@@ -87,7 +87,7 @@ TEST(AdjustBundleCasesTest, NoiseLeavesTheCostOfItsDegreesOfFreedom) {
   EXPECT_NEAR(2 * summary.final_cost, degrees, 4 * std::sqrt(2 * degrees));  // a chi-square: 4 standard deviations
 }
 
-TEST(AdjustBundleCasesTest, HuberLossHoldsAgainstOutliers) {
+TEST(AdjustBundleCasesTest, TheLossHoldsAgainstOutliers) {
   const BundleProblem truth = MakeProblem(8, 2, 200, 0.5, 5);
   BundleProblem problem = Disturbed(truth, 6);
   Random random(7);

@@ -16,7 +16,7 @@ constexpr double kInitialDamping =
     1e-6;  // relative to the diagonal: nearly Gauss-Newton, as the start is usually close
 constexpr double kDampingUp = 10, kDampingDown = 0.1, kMaxDamping = 1e6;
 constexpr double kMinStep = 1e-6;              // norm of the twist; far below what moves a pixel visibly
-constexpr double kMinRelativeDecrease = 1e-6;  // of the cost
+constexpr double kMinRelativeDecrease = 1e-4;  // of the cost: what follows moves the pose by a hundredth of its standard deviation
 
 /// One usable match, packed for the inner loop.
 struct Term {
@@ -52,13 +52,9 @@ struct PosedCamera {
   PinholeCamera camera;
 };
 
-/// Huber's cost of a squared error, and its weight: the derivative. A width of infinity leaves plain least squares.
-double HuberCost(double squared_error, double width) {
-  return squared_error <= width * width ? squared_error : 2 * width * std::sqrt(squared_error) - width * width;
-}
-double HuberWeight(double squared_error, double width) {
-  return squared_error <= width * width ? 1.0 : width / std::sqrt(squared_error);
-}
+/// Cauchy's cost of a squared error, and its weight: the derivative.
+double CauchyCost(double squared_error, double width) { return width * width * std::log1p(squared_error / (width * width)); }
+double CauchyWeight(double squared_error, double width) { return 1.0 / (1.0 + squared_error / (width * width)); }
 
 /// Adds weight * row^T row to the upper triangle and weight * row * residual to the gradient.
 void AddRow(const double (&row)[6], double residual, double weight, NormalEquations* sums) {
@@ -80,14 +76,14 @@ NormalEquations Linearize(const PinholeCamera& camera, const Rigid3d& pose, cons
     Eigen::Vector2d r;
     if (!term.inlier || !posed.Residual(term, &q, &r)) continue;
     const double e2 = r.squaredNorm();
-    const double weight = HuberWeight(e2, width);
+    const double weight = CauchyWeight(e2, width);
     const double inverse_z = 1 / q.z(), x = q.x() * inverse_z, y = q.y() * inverse_z;
     const double u = camera.fx * term.inverse_sigma, v = camera.fy * term.inverse_sigma;
     const double row_u[6] = {u * inverse_z, 0, -u * x * inverse_z, -u * x * y, u * (1 + x * x), -u * y};
     const double row_v[6] = {0, v * inverse_z, -v * y * inverse_z, -v * (1 + y * y), v * x * y, v * x};
     AddRow(row_u, r.x(), weight, &sums);
     AddRow(row_v, r.y(), weight, &sums);
-    sums.cost += HuberCost(e2, width);
+    sums.cost += CauchyCost(e2, width);
   }
   sums.hessian.triangularView<Eigen::StrictlyLower>() = sums.hessian.transpose();
   return sums;
@@ -102,7 +98,7 @@ double Cost(const PinholeCamera& camera, const Rigid3d& pose, const std::vector<
     Eigen::Vector3d q;
     Eigen::Vector2d r;
     if (!posed.Residual(term, &q, &r)) return std::numeric_limits<double>::infinity();
-    cost += HuberCost(r.squaredNorm(), width);
+    cost += CauchyCost(r.squaredNorm(), width);
   }
   return cost;
 }
@@ -183,25 +179,19 @@ PoseOptimizationResult OptimizePose(const PinholeCamera& camera, const PoseMatch
   int count = static_cast<int>(std::count_if(terms.begin(), terms.end(), [](const Term& term) { return term.inlier; }));
   if (count < kMinMatches) return result;
 
-  // Huber's loss while outliers may hide among the inliers; the last round is plain least squares over what was kept.
-  const double huber_width = std::sqrt(options.chi2);
   Rigid3d pose = initial_camera_from_map;
-  bool settled = false;
   for (int round = 0; round < options.rounds; ++round) {
-    const bool last = settled || round + 1 == options.rounds;
-    const double width = last ? std::numeric_limits<double>::infinity() : huber_width;
-    pose = MinimizeOverPose(camera, pose, terms, width, options.iterations);
+    pose = MinimizeOverPose(camera, pose, terms, options.loss_width, options.iterations);
     bool changed = false;
     count = ClassifyInliers(camera, pose, options.chi2, &terms, &changed);
     if (count < kMinMatches) return result;
-    if (last) break;
-    settled = !changed;
+    if (!changed) break;
   }
 
   result.camera_from_map = pose;
   result.num_inliers = count;
   for (size_t i = 0; i < terms.size(); ++i) result.inliers[index[i]] = terms[i].inlier;
-  result.information = Linearize(camera, pose, terms, std::numeric_limits<double>::infinity()).hessian;
+  result.information = Linearize(camera, pose, terms, options.loss_width).hessian;
   return result;
 }
 

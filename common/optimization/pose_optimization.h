@@ -5,6 +5,7 @@
 
 #include "geometry/camera_model.h"
 #include "geometry/rigid3.h"
+#include "optimization/bundle_adjustment.h"
 
 namespace portolan {
 
@@ -12,6 +13,7 @@ struct PoseOptimizationOptions {
   int rounds = 4;       ///< each starts from the last one's pose, with outliers of the last left out
   int iterations = 10;  ///< Gauss-Newton steps a round, at most
   double chi2 = 5.991;  ///< squared normalised error of an inlier: 95 % of a chi-square with 2 degrees of freedom
+  double loss_width = kReprojectionLossWidth;  ///< of Cauchy's loss, sigmas
 };
 
 /// Matches for motion-only BA: N landmarks and their pixels.
@@ -25,10 +27,10 @@ struct PoseOptimizationResult {
   Rigid3d camera_from_map;
   std::vector<bool> inliers;  ///< N
   int num_inliers = 0;
-  Matrix6d information = Matrix6d::Zero();  ///< J^T J at the solution, over inliers; twist order as in rigid3.h
+  Matrix6d information = Matrix6d::Zero();  ///< J^T W J at the solution, over inliers, W of the loss; twist order as in rigid3.h
 };
 
-/// Motion-only BA (paper Sec. 3.2): minimises the Huber reprojection error over the pose, landmarks held fixed.
+/// Motion-only BA (paper Sec. 3.2): minimises the robust reprojection error (Cauchy) over the pose, landmarks held fixed.
 /// Levenberg-Marquardt on camera_from_map <- ExpSE3(d) * camera_from_map with analytic Jacobians. Points behind the
 /// camera are outliers. Fewer than 3 usable matches leave the pose as it is, with no inliers. Deterministic.
 PoseOptimizationResult OptimizePose(const PinholeCamera& camera, const PoseMatches& matches,

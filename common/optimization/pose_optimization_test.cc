@@ -57,7 +57,8 @@ TEST(OptimizePoseTest, ErrorAgreesWithTheInformationMatrix) {
   double sum = 0;
   constexpr int kTrials = 60;
   PoseOptimizationOptions options;
-  options.chi2 = 1e6;  // no truncation: plain maximum likelihood
+  options.chi2 = 1e6;  // no truncation and no loss: plain maximum likelihood
+  options.loss_width = 1e6;
   for (int seed = 1; seed <= kTrials; ++seed) {
     const View view = RandomView(seed, 200, 1, 0);
     const auto result = OptimizePose(TestCamera(), view.matches, Displaced(view.camera_from_map, 0.05, 0.02), options);
@@ -82,10 +83,24 @@ TEST(OptimizePoseTest, OutliersAreToldAndDoNotPull) {
   }
 }
 
+TEST(OptimizePoseTest, ErrorsToOneSideHardlyPull) {
+  // A fifth of the matches lies two sigmas to the right, well within the gate, as the next stone of a pavement would.
+  View view = RandomView(10, 400, 0.1, 0);
+  for (size_t i = 0; i < 80; ++i) view.matches.pixels_px[i].x() += 2 * view.matches.sigmas_px[i];
+  PoseOptimizationOptions least_squares;
+  least_squares.loss_width = 1e6;
+  const auto turn = [&](const PoseOptimizationOptions& options) {
+    const auto result = OptimizePose(TestCamera(), view.matches, view.camera_from_map, options);
+    return LogSO3(result.camera_from_map.rotation * view.camera_from_map.rotation.conjugate()).norm();
+  };
+  EXPECT_LT(turn({}), 0.2 * turn(least_squares));
+}
+
 TEST(OptimizePoseTest, NoSmallMoveReducesTheCost) {
   const View view = RandomView(7, 100, 1, 0);
   PoseOptimizationOptions options;
   options.chi2 = 1e6;
+  options.loss_width = 1e6;
   const auto result = OptimizePose(TestCamera(), view.matches, view.camera_from_map, options);
   const auto cost = [&](const Rigid3d& pose) {
     double sum = 0;

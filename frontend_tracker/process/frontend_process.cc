@@ -298,6 +298,8 @@ int FrontendProcess::Finish() {
   for (const auto& [map, number] : trajectories.map_numbers) {
     report["map_hash"][ToString(map)] = FormatHash(HashMap(tracker_.replicas().at(map).map()));
   }
+  const RadialResidual& residual = tracker_.camera().residual;
+  report["lens_residual"] = {residual.k1, residual.k2};
   report["loops"] = 0;
   report["switches"] = 0;
   report["fusions"] = 0;

@@ -42,7 +42,8 @@ void KeyFramePolicy::StartMap(const Map& map) {
 }
 
 bool KeyFramePolicy::IsQualityGood(const Frame& frame) const {
-  return frame.num_inliers >= options_.min_points && frame.Quality() > options_.min_quality;
+  if (frame.num_inliers < options_.min_points) return false;
+  return frame.Quality() > options_.min_quality || frame.num_inliers >= options_.sure_points;
 }
 
 bool KeyFramePolicy::IsFar(const Map& map, const Frame& frame, double factor) const {

@@ -57,11 +57,17 @@ TEST_F(KeyFramePolicyTest, QualityNeedsTenPointsAndSevenTenths) {
   EXPECT_FALSE(policy_.IsQualityGood(frame));
   frame.num_inliers = frame.num_candidates = 10;
   EXPECT_TRUE(policy_.IsQualityGood(frame));
-  frame.num_inliers = 70;
-  frame.num_candidates = 100;
+  frame.num_inliers = 35;
+  frame.num_candidates = 50;
   EXPECT_FALSE(policy_.IsQualityGood(frame));  // s > 0.7, not equal
-  frame.num_inliers = 71;
+  frame.num_inliers = 36;
   EXPECT_TRUE(policy_.IsQualityGood(frame));
+  // Many points are good whatever their share: repeated texture must not starve the map.
+  frame.num_inliers = 50;
+  frame.num_candidates = 200;
+  EXPECT_TRUE(policy_.IsQualityGood(frame));
+  frame.num_inliers = 49;
+  EXPECT_FALSE(policy_.IsQualityGood(frame));
   frame.num_inliers = 0;
   frame.num_candidates = 0;
   EXPECT_FALSE(policy_.IsQualityGood(frame));
@@ -109,7 +115,8 @@ TEST_F(KeyFramePolicyTest, ABusyMapperIsInterruptedOnlyIfItAloneIsInTheWay) {
   EXPECT_EQ(policy_.Decide(map_, MakeFrame(1.5, 1.0), false), Decision::kInterrupt);
   EXPECT_EQ(policy_.Decide(map_, MakeFrame(0.5, 1.0), false), Decision::kNo);
   Frame poor = MakeFrame(1.5, 1.0);
-  poor.num_candidates = 2 * poor.num_inliers;
+  poor.num_inliers = 40;
+  poor.num_candidates = 80;
   EXPECT_EQ(policy_.Decide(map_, poor, false), Decision::kNo);
 }
 

@@ -145,8 +145,15 @@ SmallImage RotationEstimator::Shrink(const cv::Mat& grey) {
   small.scale = std::max(1.0, static_cast<double>(std::max(grey.cols, grey.rows)) / kMaxSide);
   const cv::Size size(std::max(8, static_cast<int>(grey.cols / small.scale)),
                       std::max(8, static_cast<int>(grey.rows / small.scale)));
-  cv::Mat reduced;
-  cv::resize(grey, reduced, size, 0, 0, cv::INTER_AREA);
+  // By halves first, which is several times faster; an odd last row or column is left out.
+  cv::Mat reduced = grey;
+  while (reduced.cols >= 2 * size.width && reduced.rows >= 2 * size.height) {
+    const cv::Size half(reduced.cols / 2, reduced.rows / 2);
+    cv::Mat halved;
+    cv::resize(reduced(cv::Rect(0, 0, 2 * half.width, 2 * half.height)), halved, half, 0, 0, cv::INTER_AREA);
+    reduced = halved;
+  }
+  cv::resize(reduced, reduced, size, 0, 0, cv::INTER_AREA);
   reduced.convertTo(small.values, CV_32F);
   cv::GaussianBlur(small.values, small.values, cv::Size(0, 0), kBlurSigma);
   small.values -= cv::mean(small.values)[0];

@@ -175,16 +175,17 @@ void Tracker::ConsiderKeyFrame(Frame* frame, Output* output) {
 }
 
 KeyFrameId Tracker::Send(KeyFrameKind kind, Frame* frame, KeyFrameMessage message, Output* output) {
-  AddWords(frame);
   KeyFrameData data = *frame->data;
   data.id = keyframe_ids_.Next();
+  data.bow.clear();  // not sent: whoever needs the derived fields makes them
+  data.nodes.clear();
+  data.grid = FeatureGrid();
   message.kind = kind;
   message.data = data;
   message.vocabulary_hash = vocabulary_ != nullptr ? vocabulary_->hash() : 0;
-  auto shared = std::make_shared<const KeyFrameData>(std::move(data));
-  const KeyFrameId id = shared->id;
-  replicas_.at(message.map).AddKeyFrameData(shared);
-  frame->data = std::move(shared);
+  frame->data = MakeKeyFrameData(std::move(data), vocabulary_.get());
+  const KeyFrameId id = frame->data->id;
+  replicas_.at(message.map).AddKeyFrameData(frame->data);
   unacknowledged_[id] = message;
   awaited_keyframe_ = id;
   keyframe_policy_.NoteKeyFrame(frame->stamp);
@@ -206,6 +207,8 @@ void Tracker::AddKeyFrameData(std::shared_ptr<const KeyFrameData> data) {
 
 void Tracker::OnMapperState(const MapperState& state) {
   mapper_state_ = state;
+  // Once: later estimates would be of what the frames since then left, and of earlier ones that still have all of it.
+  if (camera_.residual.IsNone()) camera_.residual = state.residual;
   if (awaited_keyframe_ && (state.last_keyframe == *awaited_keyframe_ || state.refused_keyframe == *awaited_keyframe_)) {
     awaited_keyframe_.reset();
   }

@@ -65,6 +65,8 @@ class Tracker {
   TrackingState state() const { return state_; }
   MapId active_map() const { return active_map_; }
   const std::map<MapId, MapReplica>& replicas() const { return replicas_; }
+  /// The camera as it is known: the calibration's, with what the mapper found that it left.
+  const CameraModel& camera() const { return camera_; }
   const FrameHistory& history() const { return history_; }
   const StageTimes& stage_times() const { return stage_times_; }
   uint64_t num_keyframes_sent() const { return num_keyframes_sent_; }

@@ -30,6 +30,7 @@ void ReadTracker(ConfigReader* config, TrackerOptions* tracker) {
   KeyFramePolicyOptions& keyframe = tracker->keyframe;
   config->Read("tracker.keyframe.min_points", &keyframe.min_points, {4, 1000});
   config->Read("tracker.keyframe.min_quality", &keyframe.min_quality, {0, 0.99});
+  config->Read("tracker.keyframe.sure_points", &keyframe.sure_points, {4, 20000});
   config->Read("tracker.keyframe.max_reference_overlap", &keyframe.max_reference_overlap, {0, 1});
   config->Read("tracker.keyframe.urgent_reference_overlap", &keyframe.urgent_reference_overlap, {0, 1});
   config->Read("tracker.keyframe.urgent_distance_factor", &keyframe.urgent_distance_factor, {0.01, 100});

@@ -340,6 +340,22 @@ TEST_F(TrackerTest, KeyFramesAreKeptUntilADeltaHoldsThem) {
   EXPECT_FALSE(tracker_->AwaitedKeyFrame().has_value());
 }
 
+TEST_F(TrackerTest, TakesInWhatTheCalibrationLeftOnce) {
+  EXPECT_TRUE(tracker_->camera().IsIdeal());
+  MapperState state;
+  tracker_->OnMapperState(state);
+  EXPECT_TRUE(tracker_->camera().IsIdeal());
+  state.residual = {0.02, -0.01};
+  tracker_->OnMapperState(state);
+  EXPECT_EQ(tracker_->camera().residual, state.residual);
+  MapperState later = state;
+  later.residual = {};
+  tracker_->OnMapperState(later);
+  later.residual = {0.5, 0};
+  tracker_->OnMapperState(later);
+  EXPECT_EQ(tracker_->camera().residual, state.residual);
+}
+
 TEST_F(TrackerTest, SeesNothingInTheDark) {
   for (int i = 0; i < 10; ++i) {
     const Tracker::Output output = ShowBlack();

@@ -44,6 +44,7 @@ void Pipeline::Map(const KeyFrameMessage& message) {
     status = mapper.Process(data, message, [] { return false; }, nullptr);
   }
   state.last_keyframe = data->id;
+  state.residual = mapper.residual();
   if (!status) {
     spdlog::debug("keyframe {} refused: {}", ToString(data->id), status.error().message);
     state.refused_keyframe = data->id;

@@ -1,0 +1,88 @@
+#include "mapping/lens_refinement.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <vector>
+
+#include "optimization/lens_adjustment.h"
+
+namespace portolan {
+namespace {
+
+constexpr double kRimQuantile = 0.95;  // of the features' distances from the principal point: as far out as features are
+constexpr double kFunctionTolerance = 1e-5;  // the lens moves the cost by thousandths
+constexpr double kMaxShiftShare = 0.1;  // of the rim's radius: more is no residual but another lens
+
+/// The newest keyframes, by time of their image.
+std::vector<const KeyFrame*> NewestKeyFrames(const Map& map, size_t count) {
+  std::vector<const KeyFrame*> newest;
+  for (const auto& [id, keyframe] : map.keyframes()) newest.push_back(&keyframe);
+  std::stable_sort(newest.begin(), newest.end(), [](const KeyFrame* a, const KeyFrame* b) { return b->data->stamp < a->data->stamp; });
+  newest.resize(std::min(newest.size(), count));
+  return newest;
+}
+
+/// The newest keyframes and the points that they see longest, as a problem with the newest keyframe fixed.
+BundleProblem MakeLensProblem(const Map& map, const LensRefinementOptions& options) {
+  BundleProblem problem;
+  std::map<KeyFrameId, uint32_t> index;
+  std::map<MapPointId, int> track_lengths;
+  for (const KeyFrame* keyframe : NewestKeyFrames(map, static_cast<size_t>(options.window))) {
+    index.emplace(keyframe->data->id, static_cast<uint32_t>(problem.poses.size()));
+    problem.poses.push_back({keyframe->camera_from_map, keyframe->data->camera, problem.poses.empty()});
+    for (const MapPointId id : keyframe->landmarks) {
+      if (id.IsValid()) ++track_lengths[id];
+    }
+  }
+  std::vector<std::pair<MapPointId, int>> tracks(track_lengths.begin(), track_lengths.end());
+  std::stable_sort(tracks.begin(), tracks.end(), [](const auto& a, const auto& b) { return a.second > b.second; });
+  if (tracks.size() > static_cast<size_t>(options.max_points)) tracks.resize(static_cast<size_t>(options.max_points));
+  for (const auto& [id, length] : tracks) {
+    if (length < options.min_observations) break;
+    const MapPoint& point = map.point(id);
+    for (const Observation& o : point.observations) {
+      const auto pose = index.find(o.keyframe);
+      if (pose == index.end()) continue;
+      const KeyFrameData& data = *map.keyframe(o.keyframe).data;
+      problem.measurements.push_back({pose->second, static_cast<uint32_t>(problem.points_in_map.size()),
+                                      data.features.pixels_px[o.feature].cast<double>(), data.pyramid.Sigma(data.features.octaves[o.feature])});
+    }
+    problem.points_in_map.push_back(point.position_in_map.cast<double>());
+  }
+  return problem;
+}
+
+/// Distance from the principal point within which nearly all measurements lie, on the plane z = 1.
+double RimRadius(const BundleProblem& problem) {
+  std::vector<double> radii;
+  for (const auto& m : problem.measurements) radii.push_back(problem.poses[m.pose].camera.Normalize(m.pixel_px).norm());
+  const auto rim = radii.begin() + static_cast<ptrdiff_t>(kRimQuantile * static_cast<double>(radii.size() - 1));
+  std::nth_element(radii.begin(), rim, radii.end());
+  return *rim;
+}
+
+}  // namespace
+
+std::optional<RadialResidual> FindRadialResidual(const Map& map, const LensRefinementOptions& options, const std::atomic<bool>* stop) {
+  const BundleProblem problem = MakeLensProblem(map, options);
+  if (static_cast<int>(problem.points_in_map.size()) < options.min_points) return std::nullopt;
+  BundleOptions bundle;
+  bundle.max_iterations = options.max_iterations;
+  bundle.function_tolerance = kFunctionTolerance;
+  const auto adjusted = AdjustLens(problem, bundle, stop);
+  if (!adjusted) return std::nullopt;
+  const double rim = RimRadius(problem);
+  const double shift = std::abs((adjusted->residual.Distort({rim, 0})).x() - rim);
+  const double shift_px = shift * problem.poses.front().camera.fx;
+  // Twice the cost's drop, in units of the features' own noise: chi-square with two degrees of freedom if there were nothing to find.
+  const double evidence = 2 * (adjusted->cost_without - adjusted->cost_with) / (bundle.loss_width * bundle.loss_width);
+  const bool is_significant = shift_px >= options.min_shift_px && shift < kMaxShiftShare * rim && evidence >= options.min_evidence;
+  spdlog::info("lens: the calibration leaves k1 {:.4f} k2 {:.4f}, {:.2f} px at the rim, evidence {:.0f}: {}", adjusted->residual.k1, adjusted->residual.k2,
+               shift_px, evidence, is_significant ? "taken in" : "left as it is");
+  return is_significant ? std::optional(adjusted->residual) : std::nullopt;
+}
+
+}  // namespace portolan

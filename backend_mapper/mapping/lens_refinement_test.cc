@@ -1,0 +1,59 @@
+#include "mapping/lens_refinement.h"
+
+#include <gtest/gtest.h>
+
+#include "mapping/mapping_test_scene.h"
+
+namespace portolan {
+namespace {
+
+/// Views along a winding path, seen through a lens that the calibration does not know.
+Map MapThrough(const RadialResidual& lens, double pixel_sigma) {
+  TestSceneOptions options;
+  options.pixel_sigma = pixel_sigma;
+  TestScene scene(options);
+  std::vector<TestView> views;
+  for (int i = 0; i < 16; ++i) {
+    views.push_back(scene.See(CameraAt({0.15 * i, 0.1 * (i % 4), 0.1 * i}, {0.03 * (i % 5), 0.06 * (i % 7) - 0.2, 0.02 * i})));
+  }
+  for (TestView& view : views) {
+    KeyFrameData data = *view.data;
+    for (Eigen::Vector2f& pixel : data.features.pixels_px) {
+      const Eigen::Vector2d xy = lens.Distort(data.camera.Normalize(pixel.cast<double>()));
+      pixel = Eigen::Vector2d(data.camera.fx * xy.x() + data.camera.cx, data.camera.fy * xy.y() + data.camera.cy).cast<float>();
+    }
+    view.data = std::make_shared<const KeyFrameData>(std::move(data));
+  }
+  return BuildTrueMap(scene, views);
+}
+
+TEST(LensRefinementTest, FindsWhatTheCalibrationLeft) {
+  const RadialResidual lens{0.06, -0.09};
+  const auto found = FindRadialResidual(MapThrough(lens, 0.3), {}, nullptr);
+  ASSERT_TRUE(found.has_value());
+  EXPECT_NEAR(found->Distort({0.6, 0}).x(), lens.Distort({0.6, 0}).x(), 1e-3);  // half a pixel at the rim
+}
+
+TEST(LensRefinementTest, LeavesAnExactCalibrationAlone) {
+  EXPECT_FALSE(FindRadialResidual(MapThrough({}, 0.3), {}, nullptr).has_value());
+}
+
+TEST(LensRefinementTest, LeavesAloneWhatDoesNoHarm) {
+  EXPECT_FALSE(FindRadialResidual(MapThrough({0.002, -0.001}, 0.3), {}, nullptr).has_value());  // 0.2 px at the rim
+}
+
+TEST(LensRefinementTest, AsksForEnoughPoints) {
+  const Map map = MapThrough({0.06, -0.09}, 0.3);
+  LensRefinementOptions options;
+  options.max_points = 100;  // of a map that has more
+  EXPECT_FALSE(FindRadialResidual(map, options, nullptr).has_value());
+  EXPECT_FALSE(FindRadialResidual(Map(MapId(1)), {}, nullptr).has_value());
+}
+
+TEST(LensRefinementTest, IsStopped) {
+  const std::atomic<bool> stop{true};
+  EXPECT_FALSE(FindRadialResidual(MapThrough({0.06, -0.09}, 0.3), {}, &stop).has_value());
+}
+
+}  // namespace
+}  // namespace portolan
