@@ -79,9 +79,10 @@ std::optional<RadialResidual> FindRadialResidual(const Map& map, const LensRefin
   const double shift_px = shift * problem.poses.front().camera.fx;
   // Twice the cost's drop, in units of the features' own noise: chi-square with two degrees of freedom if there were nothing to find.
   const double evidence = 2 * (adjusted->cost_without - adjusted->cost_with) / (bundle.loss_width * bundle.loss_width);
-  const bool is_significant = shift_px >= options.min_shift_px && shift < kMaxShiftShare * rim && evidence >= options.min_evidence;
+  const bool is_focal = adjusted->cost_focal < adjusted->cost_with;  // the calibration is wrong in another way, and the residual would only stand for it
+  const bool is_significant = !is_focal && shift_px >= options.min_shift_px && shift < kMaxShiftShare * rim && evidence >= options.min_evidence;
   spdlog::info("lens: the calibration leaves k1 {:.4f} k2 {:.4f}, {:.2f} px at the rim, evidence {:.0f}: {}", adjusted->residual.k1, adjusted->residual.k2,
-               shift_px, evidence, is_significant ? "taken in" : "left as it is");
+               shift_px, evidence, is_significant ? "taken in" : is_focal ? "another focal length explains more, left as it is" : "left as it is");
   return is_significant ? std::optional(adjusted->residual) : std::nullopt;
 }
 

@@ -20,6 +20,7 @@ Status ReadMapperOptions(ConfigReader* config, MapperOptions* options) {
   config->Read("mapper.bundle.max_keyframes", &bundle.max_keyframes, {1, 200});
   config->Read("mapper.bundle.max_fixed", &bundle.max_fixed, {1, 200});
   config->Read("mapper.lens.enabled", &options->lens.enabled);
+  config->Read("mapper.lens.first_keyframes", &options->lens.first_keyframes, {5, 1000});
   config->Read("mapper.bundle.iterations", &bundle.iterations, {1, 100});
   PruningOptions& pruning = options->pruning;
   config->Read("mapper.pruning.redundant_share", &pruning.redundant_share, {0.5, 1});

@@ -14,14 +14,15 @@
 namespace portolan {
 namespace {
 
-/// Reprojection error in sigmas through a lens. Parameters: pose (rotation vector, translation), point in map, (k1, k2).
+/// Reprojection error in sigmas through a lens. Parameters: pose (rotation vector, translation), point in map, lens (k1, k2, and what the focal
+/// length is more than the camera's, as a share).
 struct LensReprojection {
   const PinholeCamera* camera;
   Eigen::Vector2d pixel_px;
   double inverse_sigma;
 
   template <class T>
-  bool operator()(const T* pose, const T* point_in_map, const T* residual, T* error) const {
+  bool operator()(const T* pose, const T* point_in_map, const T* lens, T* error) const {
     T q[3];
     ceres::AngleAxisRotatePoint(pose, point_in_map, q);
     for (int i = 0; i < 3; ++i) q[i] += pose[3 + i];
@@ -30,9 +31,9 @@ struct LensReprojection {
       return true;
     }
     const T x = q[0] / q[2], y = q[1] / q[2], r2 = x * x + y * y;
-    const T radial = 1.0 + r2 * (residual[0] + r2 * residual[1]);
-    error[0] = (camera->fx * x * radial + camera->cx - pixel_px.x()) * inverse_sigma;
-    error[1] = (camera->fy * y * radial + camera->cy - pixel_px.y()) * inverse_sigma;
+    const T scale = (1.0 + r2 * (lens[0] + r2 * lens[1])) * (1.0 + lens[2]);
+    error[0] = (camera->fx * x * scale + camera->cx - pixel_px.x()) * inverse_sigma;
+    error[1] = (camera->fy * y * scale + camera->cy - pixel_px.y()) * inverse_sigma;
     return true;
   }
 };
@@ -68,7 +69,7 @@ std::optional<LensAdjustment> AdjustLens(const BundleProblem& problem, const Bun
     poses.push_back(ToBlock(pose.camera_from_map));
   }
   std::vector<Eigen::Vector3d> points = problem.points_in_map;
-  std::array<double, 2> residual{};
+  std::array<double, 3> lens{};
   ceres::CauchyLoss loss(options.loss_width);
   ceres::Problem::Options problem_options;
   problem_options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
@@ -76,12 +77,12 @@ std::optional<LensAdjustment> AdjustLens(const BundleProblem& problem, const Bun
   ceres::ParameterBlockOrdering ordering;
   for (const BundleProblem::Measurement& m : problem.measurements) {
     auto cost = std::make_unique<LensReprojection>(LensReprojection{&problem.poses[m.pose].camera, m.pixel_px, 1 / m.sigma_px});
-    solved.AddResidualBlock(new ceres::AutoDiffCostFunction<LensReprojection, 2, 6, 3, 2>(cost.release()), options.robust ? &loss : nullptr,
-                            poses[m.pose].data(), points[m.point].data(), residual.data());
+    solved.AddResidualBlock(new ceres::AutoDiffCostFunction<LensReprojection, 2, 6, 3, 3>(cost.release()), options.robust ? &loss : nullptr,
+                            poses[m.pose].data(), points[m.point].data(), lens.data());
     ordering.AddElementToGroup(points[m.point].data(), 0);
     ordering.AddElementToGroup(poses[m.pose].data(), 1);
   }
-  ordering.AddElementToGroup(residual.data(), 1);
+  ordering.AddElementToGroup(lens.data(), 1);
   for (size_t i = 0; i < poses.size(); ++i) {
     if (problem.poses[i].fixed && solved.HasParameterBlock(poses[i].data())) solved.SetParameterBlockConstant(poses[i].data());
   }
@@ -93,15 +94,26 @@ std::optional<LensAdjustment> AdjustLens(const BundleProblem& problem, const Bun
   solver.num_threads = options.num_threads;
   solver.logging_type = ceres::SILENT;
   solver.callbacks.push_back(&callback);
-  ceres::Solver::Summary without, with;
-  solved.SetParameterBlockConstant(residual.data());
-  ceres::Solve(solver, &solved, &without);
-  std::fprintf(stderr, "%s\n", without.FullReport().c_str());
+  const auto solve = [&] {
+    solver.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>(ordering);  // the solver strikes out what is constant
+    ceres::Solver::Summary summary;
+    ceres::Solve(solver, &solved, &summary);
+    return summary;
+  };
+  solved.SetParameterBlockConstant(lens.data());
+  const ceres::Solver::Summary without = solve();
   if (!without.IsSolutionUsable()) return std::nullopt;
-  solved.SetParameterBlockVariable(residual.data());
-  ceres::Solve(solver, &solved, &with);
+  solved.SetParameterBlockVariable(lens.data());
+  const auto solve_holding = [&](const std::vector<int>& held) {
+    lens = {};
+    solved.SetManifold(lens.data(), new ceres::SubsetManifold(static_cast<int>(lens.size()), held));
+    return solve();
+  };
+  const ceres::Solver::Summary focal = solve_holding({0, 1});
+  if (!focal.IsSolutionUsable()) return std::nullopt;
+  const ceres::Solver::Summary with = solve_holding({2});
   if (!with.IsSolutionUsable()) return std::nullopt;
-  return LensAdjustment{{residual[0], residual[1]}, without.final_cost, with.final_cost};
+  return LensAdjustment{{lens[0], lens[1]}, without.final_cost, with.final_cost, focal.final_cost};
 }
 
 }  // namespace portolan

@@ -13,6 +13,7 @@ struct LensAdjustment {
   RadialResidual residual;
   double cost_without = 0;  ///< robust, half sum of squares in sigmas^2, without a residual; both at their minimum
   double cost_with = 0;
+  double cost_focal = 0;  ///< with a free focal length in place of the residual: where that explains more, the residual only stands for it
 };
 
 /// Bundle adjustment (poses, points) with the radial distortion that the calibration left as two more unknowns, common to all poses: a wrong

@@ -58,6 +58,20 @@ TEST(AdjustLensTest, FindsTheLens) {
   EXPECT_LT(noisy->cost_with, noisy->cost_without);
 }
 
+TEST(AdjustLensTest, TellsAWrongFocalLengthFromADistortion) {
+  const auto distorted = AdjustLens(DriveWith({0.06, -0.09}, 0.3, 6), Thorough(), nullptr);
+  ASSERT_TRUE(distorted.has_value());
+  EXPECT_LT(distorted->cost_with, distorted->cost_focal);
+  BundleProblem longer = DriveWith({}, 0.3, 7);
+  for (BundleProblem::Pose& pose : longer.poses) {
+    pose.camera.fx *= 1.08;
+    pose.camera.fy *= 1.08;
+  }
+  const auto wrong = AdjustLens(longer, Thorough(), nullptr);
+  ASSERT_TRUE(wrong.has_value());
+  EXPECT_LT(wrong->cost_focal, wrong->cost_with);
+}
+
 TEST(AdjustLensTest, FindsNothingWhereNothingIs) {
   const auto found = AdjustLens(DriveWith({}, 0.3, 3), Thorough(), nullptr);
   ASSERT_TRUE(found.has_value());
