@@ -14,6 +14,7 @@ namespace {
 
 constexpr double kRimQuantile = 0.95;  // of the features' distances from the principal point: as far out as features are
 constexpr double kFunctionTolerance = 1e-5;  // the lens moves the cost by thousandths
+constexpr double kSettlingEvidence = 2;  // times the evidence asked for, and still another focal length explains more
 constexpr double kMaxShiftShare = 0.1;  // of the rim's radius: more is no residual but another lens
 
 /// The newest keyframes, by time of their image.
@@ -66,14 +67,14 @@ double RimRadius(const BundleProblem& problem) {
 
 }  // namespace
 
-std::optional<RadialResidual> FindRadialResidual(const Map& map, const LensRefinementOptions& options, const std::atomic<bool>* stop) {
+LensFinding FindRadialResidual(const Map& map, const LensRefinementOptions& options, const std::atomic<bool>* stop) {
   const BundleProblem problem = MakeLensProblem(map, options);
-  if (static_cast<int>(problem.points_in_map.size()) < options.min_points) return std::nullopt;
+  if (static_cast<int>(problem.points_in_map.size()) < options.min_points) return {};
   BundleOptions bundle;
   bundle.max_iterations = options.max_iterations;
   bundle.function_tolerance = kFunctionTolerance;
   const auto adjusted = AdjustLens(problem, bundle, stop);
-  if (!adjusted) return std::nullopt;
+  if (!adjusted) return {};
   const double rim = RimRadius(problem);
   const double shift = std::abs((adjusted->residual.Distort({rim, 0})).x() - rim);
   const double shift_px = shift * problem.poses.front().camera.fx;
@@ -83,7 +84,8 @@ std::optional<RadialResidual> FindRadialResidual(const Map& map, const LensRefin
   const bool is_significant = !is_focal && shift_px >= options.min_shift_px && shift < kMaxShiftShare * rim && evidence >= options.min_evidence;
   spdlog::info("lens: the calibration leaves k1 {:.4f} k2 {:.4f}, {:.2f} px at the rim, evidence {:.0f}: {}", adjusted->residual.k1, adjusted->residual.k2,
                shift_px, evidence, is_significant ? "taken in" : is_focal ? "another focal length explains more, left as it is" : "left as it is");
-  return is_significant ? std::optional(adjusted->residual) : std::nullopt;
+  if (is_significant) return {adjusted->residual, true};
+  return {{}, is_focal && evidence >= kSettlingEvidence * options.min_evidence};
 }
 
 }  // namespace portolan

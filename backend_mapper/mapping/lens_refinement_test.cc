@@ -30,29 +30,47 @@ Map MapThrough(const RadialResidual& lens, double pixel_sigma) {
 TEST(LensRefinementTest, FindsWhatTheCalibrationLeft) {
   const RadialResidual lens{0.06, -0.09};
   const auto found = FindRadialResidual(MapThrough(lens, 0.3), {}, nullptr);
-  ASSERT_TRUE(found.has_value());
-  EXPECT_NEAR(found->Distort({0.6, 0}).x(), lens.Distort({0.6, 0}).x(), 1e-3);  // half a pixel at the rim
+  EXPECT_TRUE(found.is_settled);
+  EXPECT_NEAR(found.residual.Distort({0.6, 0}).x(), lens.Distort({0.6, 0}).x(), 1e-3);  // half a pixel at the rim
 }
 
 TEST(LensRefinementTest, LeavesAnExactCalibrationAlone) {
-  EXPECT_FALSE(FindRadialResidual(MapThrough({}, 0.3), {}, nullptr).has_value());
+  EXPECT_TRUE(FindRadialResidual(MapThrough({}, 0.3), {}, nullptr).residual.IsNone());
+}
+
+TEST(LensRefinementTest, LeavesAWrongFocalLengthToTheUser) {
+  Map map = MapThrough({}, 0.3);
+  Map longer(map.id());
+  for (const auto& [id, keyframe] : map.keyframes()) {
+    KeyFrameData data = *keyframe.data;
+    data.camera.fx *= 1.1;
+    data.camera.fy *= 1.1;
+    longer.AddKeyFrame(std::make_shared<const KeyFrameData>(std::move(data)), keyframe.camera_from_map, keyframe.parent);
+  }
+  for (const MapPointId id : map.SortedPointIds()) {
+    longer.AddPoint(id, map.point(id).position_in_map);
+    for (const Observation& o : map.point(id).observations) longer.AddObservation(id, o.keyframe, o.feature);
+  }
+  const LensFinding finding = FindRadialResidual(longer, {}, nullptr);
+  EXPECT_TRUE(finding.residual.IsNone());
+  EXPECT_TRUE(finding.is_settled);
 }
 
 TEST(LensRefinementTest, LeavesAloneWhatDoesNoHarm) {
-  EXPECT_FALSE(FindRadialResidual(MapThrough({0.002, -0.001}, 0.3), {}, nullptr).has_value());  // 0.2 px at the rim
+  EXPECT_TRUE(FindRadialResidual(MapThrough({0.002, -0.001}, 0.3), {}, nullptr).residual.IsNone());  // 0.2 px at the rim
 }
 
 TEST(LensRefinementTest, AsksForEnoughPoints) {
   const Map map = MapThrough({0.06, -0.09}, 0.3);
   LensRefinementOptions options;
   options.max_points = 100;  // of a map that has more
-  EXPECT_FALSE(FindRadialResidual(map, options, nullptr).has_value());
-  EXPECT_FALSE(FindRadialResidual(Map(MapId(1)), {}, nullptr).has_value());
+  EXPECT_TRUE(FindRadialResidual(map, options, nullptr).residual.IsNone());
+  EXPECT_TRUE(FindRadialResidual(Map(MapId(1)), {}, nullptr).residual.IsNone());
 }
 
 TEST(LensRefinementTest, IsStopped) {
   const std::atomic<bool> stop{true};
-  EXPECT_FALSE(FindRadialResidual(MapThrough({0.06, -0.09}, 0.3), {}, &stop).has_value());
+  EXPECT_TRUE(FindRadialResidual(MapThrough({0.06, -0.09}, 0.3), {}, &stop).residual.IsNone());
 }
 
 }  // namespace

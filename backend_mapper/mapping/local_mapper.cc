@@ -172,10 +172,11 @@ std::vector<KeyFrameId> LocalMapper::Prune() {
 
 void LocalMapper::RefineLens(const std::atomic<bool>* stop) {
   const auto keyframes = static_cast<int>(map_.keyframes().size());
-  if (!residual_.IsNone() || keyframes < next_lens_refinement_ || keyframes > options_.lens.max_keyframes) return;
+  if (keyframes < next_lens_refinement_ || keyframes > options_.lens.max_keyframes) return;
   const Stopwatch watch;
-  next_lens_refinement_ = static_cast<int>(options_.lens.growth * keyframes);
-  residual_ = FindRadialResidual(map_, options_.lens, stop).value_or(RadialResidual());
+  const LensFinding finding = FindRadialResidual(map_, options_.lens, stop);
+  residual_ = finding.residual;
+  next_lens_refinement_ = finding.is_settled ? INT_MAX : static_cast<int>(options_.lens.growth * keyframes);
   stage_times_.Add("lens", watch.Milliseconds());
 }
 

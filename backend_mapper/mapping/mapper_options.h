@@ -55,7 +55,7 @@ struct LensRefinementOptions {
   int window = 60;           ///< newest keyframes that take part; with max_points they bound the time to some 0.2 s
   int min_observations = 3;  ///< of a point that takes part
   int min_points = 200;      ///< fewer: not looked for
-  int max_points = 600;      ///< of the longest tracks
+  int max_points = 500;      ///< of the longest tracks
   int max_iterations = 12;
   double min_shift_px = 0.5;  ///< at the rim; less does no harm
   /// Drop of the error in units of the features' variance. Measured: up to 29 for exact calibrations and for camera paths that don't tell (straight

@@ -63,10 +63,10 @@ TEST_F(KeyFramePolicyTest, QualityNeedsTenPointsAndSevenTenths) {
   frame.num_inliers = 36;
   EXPECT_TRUE(policy_.IsQualityGood(frame));
   // Many points are good whatever their share: repeated texture must not starve the map.
-  frame.num_inliers = 50;
-  frame.num_candidates = 200;
+  frame.num_inliers = 100;
+  frame.num_candidates = 400;
   EXPECT_TRUE(policy_.IsQualityGood(frame));
-  frame.num_inliers = 49;
+  frame.num_inliers = 99;
   EXPECT_FALSE(policy_.IsQualityGood(frame));
   frame.num_inliers = 0;
   frame.num_candidates = 0;

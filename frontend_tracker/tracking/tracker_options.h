@@ -22,7 +22,7 @@ struct MapTrackingOptions {
 struct KeyFramePolicyOptions {
   int min_points = 10;                 ///< fewer tracked points: quality is poor (paper)
   double min_quality = 0.7;            ///< s = n / m above it: quality is good (paper)
-  int sure_points = 50;                ///< beyond the paper: with this many inliers the pose is good whatever their share. Where texture repeats many
+  int sure_points = 100;               ///< beyond the paper: with this many inliers the pose is good whatever their share. Where texture repeats many
                                        ///< matches are wrong, and without new keyframes tracking would starve
   double max_reference_overlap = 0.9;  ///< beyond the paper: share of the reference keyframe's established landmarks still tracked, below which
                                        ///< the view has changed enough even without translation (rotation into the unseen)
