@@ -7,34 +7,29 @@
 #include <map>
 #include <vector>
 
+#include "mapping/newest_keyframes.h"
 #include "optimization/lens_adjustment.h"
 
 namespace portolan {
 namespace {
 
-constexpr double kRimQuantile = 0.95;  // of the features' distances from the principal point: as far out as features are
+constexpr double kRimQuantile =
+    0.95;  // of the features' distances from the principal point: as far out as features are
 constexpr double kFunctionTolerance = 1e-5;  // the lens moves the cost by thousandths
 constexpr double kSettlingEvidence = 2;  // times the evidence asked for, and still another focal length explains more
-constexpr double kMaxShiftShare = 0.1;  // of the rim's radius: more is no residual but another lens
-
-/// The newest keyframes, by time of their image.
-std::vector<const KeyFrame*> NewestKeyFrames(const Map& map, size_t count) {
-  std::vector<const KeyFrame*> newest;
-  for (const auto& [id, keyframe] : map.keyframes()) newest.push_back(&keyframe);
-  std::stable_sort(newest.begin(), newest.end(), [](const KeyFrame* a, const KeyFrame* b) { return b->data->stamp < a->data->stamp; });
-  newest.resize(std::min(newest.size(), count));
-  return newest;
-}
+constexpr double kMaxShiftShare = 0.1;   // of the rim's radius: more is no residual but another lens
 
 /// The newest keyframes and the points that they see longest, as a problem with the newest keyframe fixed.
 BundleProblem MakeLensProblem(const Map& map, const LensRefinementOptions& options) {
   BundleProblem problem;
   std::map<KeyFrameId, uint32_t> index;
   std::map<MapPointId, int> track_lengths;
-  for (const KeyFrame* keyframe : NewestKeyFrames(map, static_cast<size_t>(options.window))) {
-    index.emplace(keyframe->data->id, static_cast<uint32_t>(problem.poses.size()));
-    problem.poses.push_back({keyframe->camera_from_map, keyframe->data->camera, problem.poses.empty()});
-    for (const MapPointId id : keyframe->landmarks) {
+  for (const KeyFrameId keyframe_id : NewestKeyFrames(map, static_cast<size_t>(options.window))) {
+    const KeyFrame& keyframe = map.keyframe(keyframe_id);
+    if (!problem.poses.empty() && keyframe.data->camera != problem.poses.front().camera) continue;
+    index.emplace(keyframe_id, static_cast<uint32_t>(problem.poses.size()));
+    problem.poses.push_back({keyframe.camera_from_map, keyframe.data->camera, problem.poses.empty()});
+    for (const MapPointId id : keyframe.landmarks) {
       if (id.IsValid()) ++track_lengths[id];
     }
   }
@@ -49,7 +44,8 @@ BundleProblem MakeLensProblem(const Map& map, const LensRefinementOptions& optio
       if (pose == index.end()) continue;
       const KeyFrameData& data = *map.keyframe(o.keyframe).data;
       problem.measurements.push_back({pose->second, static_cast<uint32_t>(problem.points_in_map.size()),
-                                      data.features.pixels_px[o.feature].cast<double>(), data.pyramid.Sigma(data.features.octaves[o.feature])});
+                                      data.features.pixels_px[o.feature].cast<double>(),
+                                      data.pyramid.Sigma(data.features.octaves[o.feature])});
     }
     problem.points_in_map.push_back(point.position_in_map.cast<double>());
   }
@@ -67,23 +63,30 @@ double RimRadius(const BundleProblem& problem) {
 
 }  // namespace
 
-LensFinding FindRadialResidual(const Map& map, const LensRefinementOptions& options, const std::atomic<bool>* stop) {
+LensFinding FindRadialResidual(const Map& map, const LensRefinementOptions& options) {
   const BundleProblem problem = MakeLensProblem(map, options);
   if (static_cast<int>(problem.points_in_map.size()) < options.min_points) return {};
   BundleOptions bundle;
   bundle.max_iterations = options.max_iterations;
   bundle.function_tolerance = kFunctionTolerance;
-  const auto adjusted = AdjustLens(problem, bundle, stop);
+  const auto adjusted = AdjustLens(problem, bundle);
   if (!adjusted) return {};
   const double rim = RimRadius(problem);
   const double shift = std::abs((adjusted->residual.Distort({rim, 0})).x() - rim);
   const double shift_px = shift * problem.poses.front().camera.fx;
-  // Twice the cost's drop, in units of the features' own noise: chi-square with two degrees of freedom if there were nothing to find.
+  // Twice the cost's drop, in units of the features' own noise: chi-square with two degrees of freedom if there were
+  // nothing to find.
   const double evidence = 2 * (adjusted->cost_without - adjusted->cost_with) / (bundle.loss_width * bundle.loss_width);
-  const bool is_focal = adjusted->cost_focal < adjusted->cost_with;  // the calibration is wrong in another way, and the residual would only stand for it
-  const bool is_significant = !is_focal && shift_px >= options.min_shift_px && shift < kMaxShiftShare * rim && evidence >= options.min_evidence;
-  spdlog::info("lens: the calibration leaves k1 {:.4f} k2 {:.4f}, {:.2f} px at the rim, evidence {:.0f}: {}", adjusted->residual.k1, adjusted->residual.k2,
-               shift_px, evidence, is_significant ? "taken in" : is_focal ? "another focal length explains more, left as it is" : "left as it is");
+  const bool is_focal =
+      adjusted->cost_focal <
+      adjusted->cost_with;  // the calibration is wrong in another way, and the residual would only stand for it
+  const bool is_significant =
+      !is_focal && shift_px >= options.min_shift_px && shift < kMaxShiftShare * rim && evidence >= options.min_evidence;
+  spdlog::info("lens: the calibration leaves k1 {:.4f} k2 {:.4f}, {:.2f} px at the rim, evidence {:.0f}: {}",
+               adjusted->residual.k1, adjusted->residual.k2, shift_px, evidence,
+               is_significant ? "taken in"
+               : is_focal     ? "another focal length explains more, left as it is"
+                              : "left as it is");
   if (is_significant) return {adjusted->residual, true};
   return {{}, is_focal && evidence >= kSettlingEvidence * options.min_evidence};
 }

@@ -1,22 +1,23 @@
 #pragma once
 
-#include <atomic>
-
 #include "geometry/camera_model.h"
 #include "map/map.h"
 #include "mapping/mapper_options.h"
 
 namespace portolan {
 
+/// What a map tells of the lens.
 struct LensFinding {
   RadialResidual residual;  ///< worth taking in; none if there is nothing, or nothing certain
   bool is_settled = false;  ///< a larger map will not tell more
 };
 
-/// Beyond the paper: the radial distortion that the camera's calibration left, from a young map, by bundle adjustment with a free lens. Published calibrations are
-/// often a few pixels off at the rim; features then bend on their way through the image, and in turns the scale drifts.
-/// It is worth taking in if it moves features at the rim by options.min_shift_px or more, and explains the map far better than none does and better than
-/// another focal length would. With an exact calibration nothing is.
-LensFinding FindRadialResidual(const Map& map, const LensRefinementOptions& options, const std::atomic<bool>* stop);
+/// Beyond the paper: the radial distortion that the camera's calibration left, from the newest keyframes of a young
+/// map, by bundle adjustment with a free lens. Published calibrations are often a few pixels off at the rim; features
+/// then bend on their way through the image, and in turns the scale drifts. It is worth taking in if it moves features
+/// at the rim by options.min_shift_px or more, and explains the map far better than none does and better than another
+/// focal length would. With an exact calibration nothing is. Keyframes of another camera than the newest are passed
+/// over.
+LensFinding FindRadialResidual(const Map& map, const LensRefinementOptions& options);
 
 }  // namespace portolan

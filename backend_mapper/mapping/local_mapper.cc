@@ -71,7 +71,7 @@ Status LocalMapper::Process(KeyFramePtr data, const KeyFrameMessage& message, co
   }
   Prune();
   PublishChanges();
-  RefineLens(nullptr);
+  RefineLens();
   return Ok{};
 }
 
@@ -170,11 +170,11 @@ std::vector<KeyFrameId> LocalMapper::Prune() {
   return pruned;
 }
 
-void LocalMapper::RefineLens(const std::atomic<bool>* stop) {
+void LocalMapper::RefineLens() {
   const auto keyframes = static_cast<int>(map_.keyframes().size());
   if (keyframes < next_lens_refinement_ || keyframes > options_.lens.max_keyframes) return;
   const Stopwatch watch;
-  const LensFinding finding = FindRadialResidual(map_, options_.lens, stop);
+  const LensFinding finding = FindRadialResidual(map_, options_.lens);
   residual_ = finding.residual;
   next_lens_refinement_ = finding.is_settled ? INT_MAX : static_cast<int>(options_.lens.growth * keyframes);
   stage_times_.Add("lens", watch.Milliseconds());

@@ -74,7 +74,7 @@ class LocalMapper {
   void PublishSnapshot();
 
   /// Looks for what the calibration left, as the map grows (see LensRefinementOptions), until it is found. Changes nothing in the map.
-  void RefineLens(const std::atomic<bool>* stop);
+  void RefineLens();
   /// What it found, for the frames to come; none before, and for an exact calibration.
   const RadialResidual& residual() const { return residual_; }
 

@@ -19,9 +19,9 @@ Status ReadMapperOptions(ConfigReader* config, MapperOptions* options) {
   LocalBundleOptions& bundle = options->bundle;
   config->Read("mapper.bundle.max_keyframes", &bundle.max_keyframes, {1, 200});
   config->Read("mapper.bundle.max_fixed", &bundle.max_fixed, {1, 200});
+  config->Read("mapper.bundle.iterations", &bundle.iterations, {1, 100});
   config->Read("mapper.lens.enabled", &options->lens.enabled);
   config->Read("mapper.lens.first_keyframes", &options->lens.first_keyframes, {5, 1000});
-  config->Read("mapper.bundle.iterations", &bundle.iterations, {1, 100});
   PruningOptions& pruning = options->pruning;
   config->Read("mapper.pruning.redundant_share", &pruning.redundant_share, {0.5, 1});
   config->Read("mapper.pruning.redundant_observers", &pruning.redundant_observers, {2, 100});

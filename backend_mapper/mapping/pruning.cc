@@ -5,23 +5,13 @@
 #include <set>
 
 #include "mapping/keyframe_view.h"
+#include "mapping/newest_keyframes.h"
 
 namespace portolan {
 namespace {
 
 // A keyframe one octave coarser still serves as well as the one to be pruned.
 constexpr int kOctaveSlack = 1;
-
-/// The newest keyframes by time of their image.
-std::set<KeyFrameId> NewestKeyFrames(const Map& map, int count) {
-  std::vector<std::pair<int64_t, KeyFrameId>> by_time;
-  for (const auto& [id, keyframe] : map.keyframes()) by_time.emplace_back(-keyframe.data->stamp.ns, id);
-  const size_t kept = std::min(by_time.size(), static_cast<size_t>(count));
-  std::partial_sort(by_time.begin(), by_time.begin() + static_cast<ptrdiff_t>(kept), by_time.end());
-  std::set<KeyFrameId> newest;
-  for (size_t k = 0; k < kept; ++k) newest.insert(by_time[k].second);
-  return newest;
-}
 
 /// Whether enough others see the landmark at the keyframe's scale or finer.
 bool IsSeenByOthers(const Map& map, const MapPoint& point, KeyFrameId keyframe, int octave, int observers) {
@@ -101,7 +91,8 @@ bool IsRedundant(const Map& map, KeyFrameId keyframe, const PruningOptions& opti
 std::vector<std::pair<KeyFrameId, KeyFrameId>> PruneKeyFrames(Map* map, KeyFrameId newest,
                                                               const PruningOptions& options) {
   std::vector<std::pair<KeyFrameId, KeyFrameId>> removed;
-  const std::set<KeyFrameId> kept = NewestKeyFrames(*map, options.keep_newest);
+  const std::vector<KeyFrameId> newest_few = NewestKeyFrames(*map, static_cast<size_t>(options.keep_newest));
+  const std::set<KeyFrameId> kept(newest_few.begin(), newest_few.end());
   auto candidates = map->CovisibleKeyFrames(newest, 1, static_cast<size_t>(options.max_checked));
   std::reverse(candidates.begin(), candidates.end());
   for (const auto& [id, common] : candidates) {

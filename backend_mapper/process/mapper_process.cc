@@ -215,7 +215,10 @@ void MapperProcess::Take(LocalMapper* mapper, const KeyFrameMessage& message) {
   state_.last_keyframe = id;
   state_.epoch = mapper->map().epoch();
   state_.revision = mapper->map().revision();
-  state_.residual = mapper->residual();
+  if (!mapper->residual().IsNone()) {
+    state_.residual = mapper->residual();
+    options_.lens.enabled = false;  // new maps are made of frames that have it taken in
+  }
   PublishState(keyframes_waiting_ == 0);
 }
 

@@ -50,7 +50,7 @@ class MapperProcess {
   void Register();
 
   const ProcessSetup& setup_;
-  const MapperOptions& options_;
+  MapperOptions options_;
   std::shared_ptr<const Vocabulary> vocabulary_;
   Bus* bus_;
   std::string priority_;

@@ -14,8 +14,8 @@
 namespace portolan {
 namespace {
 
-/// Reprojection error in sigmas through a lens. Parameters: pose (rotation vector, translation), point in map, lens (k1, k2, and what the focal
-/// length is more than the camera's, as a share).
+/// Reprojection error in sigmas through a lens. Parameters: pose (rotation vector, translation), point in map, lens
+/// (k1, k2, and what the focal length is more than the camera's, as a share).
 struct LensReprojection {
   const PinholeCamera* camera;
   Eigen::Vector2d pixel_px;
@@ -48,20 +48,9 @@ PoseBlock ToBlock(const Rigid3d& pose) {
   return block;
 }
 
-class StopCallback final : public ceres::IterationCallback {
- public:
-  explicit StopCallback(const std::atomic<bool>* stop) : stop_(stop) {}
-  ceres::CallbackReturnType operator()(const ceres::IterationSummary&) override {
-    return stop_ != nullptr && *stop_ ? ceres::SOLVER_ABORT : ceres::SOLVER_CONTINUE;
-  }
-
- private:
-  const std::atomic<bool>* stop_;
-};
-
 }  // namespace
 
-std::optional<LensAdjustment> AdjustLens(const BundleProblem& problem, const BundleOptions& options, const std::atomic<bool>* stop) {
+std::optional<LensAdjustment> AdjustLens(const BundleProblem& problem, const BundleOptions& options) {
   if (problem.measurements.empty()) return std::nullopt;
   std::vector<PoseBlock> poses;
   for (const BundleProblem::Pose& pose : problem.poses) {
@@ -76,26 +65,28 @@ std::optional<LensAdjustment> AdjustLens(const BundleProblem& problem, const Bun
   ceres::Problem solved(problem_options);
   ceres::ParameterBlockOrdering ordering;
   for (const BundleProblem::Measurement& m : problem.measurements) {
-    auto cost = std::make_unique<LensReprojection>(LensReprojection{&problem.poses[m.pose].camera, m.pixel_px, 1 / m.sigma_px});
-    solved.AddResidualBlock(new ceres::AutoDiffCostFunction<LensReprojection, 2, 6, 3, 3>(cost.release()), options.robust ? &loss : nullptr,
-                            poses[m.pose].data(), points[m.point].data(), lens.data());
+    auto cost =
+        std::make_unique<LensReprojection>(LensReprojection{&problem.poses[m.pose].camera, m.pixel_px, 1 / m.sigma_px});
+    solved.AddResidualBlock(new ceres::AutoDiffCostFunction<LensReprojection, 2, 6, 3, 3>(cost.release()),
+                            options.robust ? &loss : nullptr, poses[m.pose].data(), points[m.point].data(),
+                            lens.data());
     ordering.AddElementToGroup(points[m.point].data(), 0);
     ordering.AddElementToGroup(poses[m.pose].data(), 1);
   }
   ordering.AddElementToGroup(lens.data(), 1);
   for (size_t i = 0; i < poses.size(); ++i) {
-    if (problem.poses[i].fixed && solved.HasParameterBlock(poses[i].data())) solved.SetParameterBlockConstant(poses[i].data());
+    if (problem.poses[i].fixed && solved.HasParameterBlock(poses[i].data()))
+      solved.SetParameterBlockConstant(poses[i].data());
   }
-  StopCallback callback(stop);
   ceres::Solver::Options solver;
   solver.linear_solver_type = ceres::DENSE_SCHUR;
   solver.max_num_iterations = options.max_iterations;
   solver.function_tolerance = options.function_tolerance;
   solver.num_threads = options.num_threads;
   solver.logging_type = ceres::SILENT;
-  solver.callbacks.push_back(&callback);
   const auto solve = [&] {
-    solver.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>(ordering);  // the solver strikes out what is constant
+    solver.linear_solver_ordering =
+        std::make_shared<ceres::ParameterBlockOrdering>(ordering);  // the solver strikes out what is constant
     ceres::Solver::Summary summary;
     ceres::Solve(solver, &solved, &summary);
     return summary;

@@ -45,6 +45,7 @@ void Pipeline::Map(const KeyFrameMessage& message) {
   }
   state.last_keyframe = data->id;
   state.residual = mapper.residual();
+  if (!state.residual.IsNone()) mapper_options_.lens.enabled = false;  // new maps are made of frames that have it taken in
   if (!status) {
     spdlog::debug("keyframe {} refused: {}", ToString(data->id), status.error().message);
     state.refused_keyframe = data->id;
