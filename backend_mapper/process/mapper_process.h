@@ -11,6 +11,7 @@
 #include "mapping/local_mapper.h"
 #include "process/process_setup.h"
 #include "process/status_publisher.h"
+#include "transport/background_work.h"
 #include "transport/process_loop.h"
 
 namespace portolan {
@@ -45,6 +46,8 @@ class MapperProcess {
   bool ContinueTakeover(Takeover* takeover);
   void Take(LocalMapper* mapper, const KeyFrameMessage& message);
   Status TakeIntoMap(LocalMapper* mapper, std::shared_ptr<const KeyFrameData> data, const KeyFrameMessage& message);
+  void RefineLens(MapId map, LocalMapper* mapper);
+  void OnLensFinding(MapId map, Epoch epoch, const LensFinding& finding);
   void PublishDelta(const MapDelta& delta);
   void PublishState(bool idle);
   void Register();
@@ -82,6 +85,7 @@ class MapperProcess {
   uint64_t taken_ = 0, refused_ = 0, interrupts_ = 0, foreign_vocabulary_ = 0, early_dropped_ = 0, corrections_ = 0;
   StageTimes process_times_;
   int exit_code_ = kExitOk;
+  BackgroundWork background_;
 };
 
 }  // namespace portolan

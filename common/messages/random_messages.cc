@@ -179,7 +179,22 @@ MapperState RandomMapperState(Random* random) {
   state.last_keyframe = RandomId<KeyFrameId>(random);
   state.refused_keyframe = RandomId<KeyFrameId>(random);
   state.refusal = RandomText(random);
+  state.is_refining = random->Below(2) == 1;
+  state.correction_process = RandomId<ProcessId>(random);
+  state.correction_number = random->Below(100);
+  state.correction_refusal = RandomText(random);
   state.residual = {random->Uniform(-0.1, 0.1), random->Uniform(-0.1, 0.1)};
+  return state;
+}
+
+LoopState RandomLoopState(Random* random) {
+  LoopState state;
+  state.process = RandomId<ProcessId>(random);
+  state.map = RandomId<MapId>(random);
+  state.epoch = random->Below(10);
+  state.last_keyframe = RandomId<KeyFrameId>(random);
+  state.is_busy = random->Below(2) == 1;
+  state.revision = random->Below(1000);
   return state;
 }
 

@@ -131,12 +131,24 @@ struct Topic<TrackerState> {
   static constexpr TopicQos Qos() { return BestEffort(1); }
 };
 
-/// Written by the mapper when it changes; read by the tracker. All of them count: each acknowledges a keyframe.
+/// Written by the mapper when it changes; read by the tracker and the loop_closer. All of them count: each
+/// acknowledges a keyframe or a correction.
 template <>
 struct Topic<MapperState> {
   using Wire = wire::MapperState;
   static constexpr const char* kName = "mapper_state";
   static constexpr const char* kType = "portolan::wire_v1::MapperState";
+  static constexpr bool kKeyed = false;
+  static constexpr TopicQos Qos() { return Reliable(1024, kPatientBlockingMs); }
+};
+
+/// Written by the loop_closer when it changes; read by the tracker of a lockstep run. All of them count: each answers
+/// for a keyframe.
+template <>
+struct Topic<LoopState> {
+  using Wire = wire::LoopState;
+  static constexpr const char* kName = "loop_state";
+  static constexpr const char* kType = "portolan::wire_v1::LoopState";
   static constexpr bool kKeyed = false;
   static constexpr TopicQos Qos() { return Reliable(1024, kPatientBlockingMs); }
 };

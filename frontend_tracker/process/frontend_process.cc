@@ -17,6 +17,7 @@ constexpr double kStatusPeriodS = 1.0;
 constexpr double kTickPeriodS = 0.1;
 constexpr auto kResendAfter = std::chrono::seconds(2);           // many times what a mapper takes for a keyframe
 constexpr auto kSnapshotRequestInterval = std::chrono::seconds(1);
+constexpr auto kLoopPatience = std::chrono::seconds(3);  // the loop_closer repeats its state once a second
 constexpr auto kProgressInterval = std::chrono::milliseconds(500);
 
 const char* InWords(TrackingState state) {
@@ -68,6 +69,14 @@ void FrontendProcess::ConnectReaders() {
   readers_.push_back(bus_->CreateReader<MapperState>([this](MapperState state) {
     loop_->Post([this, state = std::move(state)] { OnMapper(state); });
   }));
+  readers_.push_back(bus_->CreateReader<LoopState>([this](LoopState state) {
+    if (state.process.robot() != setup_.options.robot) return;
+    loop_->Post([this, state] {
+      loop_state_ = state;
+      loop_heard_ = Clock::now();
+      ReleasePumpIfReady();
+    });
+  }));
   readers_.push_back(bus_->CreateReader<KeyFrameMessage>([this](KeyFrameMessage message) {
     if (message.kind != KeyFrameKind::kCopy || message.vocabulary_hash != vocabulary_->hash()) return;
     auto data = MakeKeyFrameData(std::move(message.data), vocabulary_.get());
@@ -101,7 +110,8 @@ int FrontendProcess::Run() {
 void FrontendProcess::CheckPeers() {
   const size_t others = roles_seen_.count("backend_mapper") + roles_seen_.count("loop_closer") + roles_seen_.count("atlas_server");
   const bool ready = roles_seen_.count("backend_mapper") == 1 && roles_seen_.count("atlas_server") == 1 &&
-                     keyframe_writer_->MatchedReaders() >= static_cast<int>(others) && request_writer_->MatchedReaders() >= 1;
+                     keyframe_writer_->MatchedReaders() >= static_cast<int>(others) && request_writer_->MatchedReaders() >= 1 &&
+                     (roles_seen_.count("loop_closer") == 0 || loop_state_.process.IsValid());
   if (ready) {
     spdlog::info("backend_mapper and atlas_server are there; starting");
     phase_ = Phase::kRunning;
@@ -180,21 +190,26 @@ void FrontendProcess::OnMapper(const MapperState& state) {
 }
 
 bool FrontendProcess::MapperIsDone() const {
-  if (tracker_.AwaitedKeyFrame()) return false;
+  if (tracker_.AwaitedKeyFrame() || mapper_.is_refining) return false;
   const auto replica = tracker_.replicas().find(mapper_.map);
   return replica == tracker_.replicas().end() || replica->second.map().revision() >= mapper_.revision;
 }
 
+bool FrontendProcess::LoopIsDone() const {
+  if (!loop_state_.process.IsValid() || Clock::now() - loop_heard_ > kLoopPatience) return true;  // there is none, or none any more
+  return !loop_state_.is_busy && loop_state_.last_keyframe == mapper_.last_keyframe;
+}
+
 void FrontendProcess::ReleasePumpIfReady() {
   if (phase_ == Phase::kDraining) {
-    if (MapperIsDone()) {
+    if (MapperIsDone() && LoopIsDone()) {  // a loop found with the last frames is in the map too
       phase_ = Phase::kOver;
       loop_->Stop();
     }
     return;
   }
   if (!frame_in_work_) return;
-  if (options_.playback.mode == PlaybackMode::kLockstep && !MapperIsDone()) return;
+  if (options_.playback.mode == PlaybackMode::kLockstep && !(MapperIsDone() && LoopIsDone())) return;
   frame_in_work_ = false;
   pump_.Done();
 }
@@ -208,6 +223,7 @@ void FrontendProcess::OnEndOfSource() {
 void FrontendProcess::OnTick() {
   status_.AssertLiveliness();
   if (phase_ == Phase::kWaitingForPeers) CheckPeers();
+  if (phase_ == Phase::kRunning) ReleasePumpIfReady();
   const auto now = Clock::now();
   if (tracker_.AwaitedKeyFrame() && now - last_send_ > kResendAfter) {
     spdlog::debug("the mapper has not answered: sending {} keyframes again", tracker_.UnacknowledgedKeyFrames().size());
@@ -228,7 +244,7 @@ void FrontendProcess::OnTick() {
     last_snapshot_request_ = now;
   }
   if (phase_ == Phase::kDraining && MillisecondsSince(phase_start_) > options_.peer_timeout_s * 1e3) {
-    spdlog::warn("the mapper did not finish within {} s of the last frame", options_.peer_timeout_s);
+    spdlog::warn("mapper and loop_closer did not finish within {} s of the last frame", options_.peer_timeout_s);
     phase_ = Phase::kOver;
     loop_->Stop();
   }

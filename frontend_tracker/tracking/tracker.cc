@@ -223,7 +223,10 @@ void Tracker::ApplyPending() {
   const Stopwatch stopwatch;
   for (auto& [id, replica] : replicas_) {
     if (replica.waiting() == 0) continue;
+    std::optional<MapMotion> motion;
+    if (id == active_map_) motion.emplace(replica.map(), reference_keyframe_);
     for (const MapDelta& delta : replica.ApplyPending()) OnApplied(replica.map(), delta);
+    if (motion) MoveWithMap(*motion);
   }
   stage_times_.Add("apply", stopwatch.Milliseconds());
 }
@@ -252,6 +255,13 @@ void Tracker::OnApplied(const Map& map, const MapDelta& delta) {
     kept.push_back(landmark);
   }
   reference_ = std::move(kept);
+}
+
+void Tracker::MoveWithMap(const MapMotion& motion) {
+  const auto new_from_old = motion.Measure(ActiveReplica().map());
+  if (!new_from_old || !last_frame_) return;
+  last_frame_->camera_from_map = TransformPose(last_frame_->camera_from_map, *new_from_old);
+  velocity_model_.MoveWithMap(*new_from_old);
 }
 
 std::vector<KeyFrameMessage> Tracker::UnacknowledgedKeyFrames() const {

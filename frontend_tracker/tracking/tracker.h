@@ -18,6 +18,7 @@
 #include "tracking/frame_history.h"
 #include "tracking/initializer.h"
 #include "tracking/keyframe_policy.h"
+#include "tracking/map_motion.h"
 #include "tracking/relocalizer.h"
 #include "tracking/rotation_estimator.h"
 #include "tracking/tracker_options.h"
@@ -99,6 +100,8 @@ class Tracker {
 
   KeyFrameId Send(KeyFrameKind kind, Frame* frame, KeyFrameMessage message, Output* output);
   void OnApplied(const Map& map, const MapDelta& delta);
+  /// Pose and velocity stay where they are in the scene when the map around the reference keyframe moved.
+  void MoveWithMap(const MapMotion& motion);
   bool IsMapperIdle() const;
   MapReplica& ActiveReplica() { return replicas_.at(active_map_); }
 

@@ -42,6 +42,7 @@ void Pipeline::Map(const KeyFrameMessage& message) {
     status = mapper.Initialize(firsts_.at(message.reference), data, message);
   } else {
     status = mapper.Process(data, message, [] { return false; }, nullptr);
+    if (const auto problem = mapper.NextLensProblem()) mapper.TakeLensFinding(FindRadialResidual(*problem, mapper_options_.lens));
   }
   state.last_keyframe = data->id;
   state.residual = mapper.residual();
