@@ -55,7 +55,4 @@ class ProcessSetup {
 /// Reads the sections that all processes share (robot, dds, priority, log, vocabulary, out) and passes over those of the other roles.
 Status ReadProcessOptions(ConfigReader* config, ProcessOptions* options);
 
-/// Warns of kernel limits, sets the priority, joins DDS. @param priority_in_force comes back in words.
-Result<std::unique_ptr<Bus>> StartProcess(const ProcessOptions& options, std::string* priority_in_force);
-
 }  // namespace portolan
