@@ -7,6 +7,8 @@
 #include <map>
 #include <utility>
 
+#include "version/version.h"
+
 namespace portolan {
 namespace {
 
@@ -81,6 +83,7 @@ ProcessSetup ProcessSetup::Make(const std::string& role, const std::string& desc
   ProcessSetup setup;
   setup.options.role = role;
   CLI::App app(description, "portolan_" + role);
+  app.set_version_flag("--version", app.get_name() + " " + BuildDescription());
   std::string config_file;
   std::vector<std::string> sets, assignments;
   app.add_option("--config", config_file, "YAML file that configures the run (docs/configuration.md)");

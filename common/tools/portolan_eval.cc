@@ -14,6 +14,7 @@
 #include "dataset/trajectory_evaluation.h"
 #include "dataset/trajectory_io.h"
 #include "dataset/trajectory_plot.h"
+#include "version/version.h"
 
 namespace portolan {
 namespace {
@@ -162,6 +163,7 @@ int Main(int argc, char** argv) {
   CLI::App app(
       "Compares a trajectory with the ground truth: ATE after Sim3 alignment, joined and map by map, and RPE.\n"
       "Exit code: 0 done, 1 no comparison possible (bad file, no common times), 2 bad arguments.");
+  app.set_version_flag("--version", "portolan_eval " + BuildDescription());
   Arguments arguments;
   Declare(&app, &arguments);
   try {
