@@ -8,7 +8,7 @@ from launch_arguments import FRONTEND
 # Figures of the run that the frontend knows; null if it left none.
 FRONTEND_KEYS = ("frames", "tracked", "dropped", "lost", "maps", "keyframes", "points", "loops", "switches", "fusions", "frame_ms", "lens_residual")
 # Figures that each process has of its own.
-PROCESS_KEYS = ("stages_ms", "peak_memory_mb", "cpu_s", "dds", "priority", "counters")
+PROCESS_KEYS = ("stages_ms", "peak_memory_mb", "cpu_s", "dds", "priority", "build", "counters")
 
 
 def read_reports(out, roles):

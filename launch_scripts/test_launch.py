@@ -23,7 +23,7 @@ TIMEOUT_S = 60
 
 
 def report(role, **more):
-    return {"role": role, "dds": "fastdds", "priority": "nice 0", "peak_memory_mb": 100.0, "cpu_s": 2.5,
+    return {"role": role, "dds": "fastdds", "priority": "nice 0", "build": "0.1.0 RelWithDebInfo", "peak_memory_mb": 100.0, "cpu_s": 2.5,
             "stages_ms": {"work": {"median": 1.0, "p95": 2.0, "count": 3}}, "bytes_sent": {"process_status": 10}, "counters": {}, **more}
 
 
@@ -97,7 +97,7 @@ class WholeRunTest(RunTest):
             self.assertEqual(summary[key], FRONTEND_REPORT[key])
         self.assertEqual(summary["bytes_sent"], {"keyframe": 7, "process_status": 35})
         roles = {*BACK_ENDS, "frontend_tracker"}
-        for key in ("stages_ms", "peak_memory_mb", "cpu_s", "dds", "priority"):
+        for key in ("stages_ms", "peak_memory_mb", "cpu_s", "dds", "priority", "build"):
             self.assertEqual(set(summary[key]), roles)
         self.assertEqual(summary["exit_codes"], {role: 0 for role in roles})
         self.assertEqual(summary["data"], str(self.data))

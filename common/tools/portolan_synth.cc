@@ -12,6 +12,7 @@
 
 #include "base/time.h"
 #include "testing/sequence_writer.h"
+#include "version/version.h"
 
 namespace portolan {
 namespace {
@@ -117,6 +118,7 @@ int Run(const Arguments& arguments) {
 int Main(int argc, char** argv) {
   CLI::App app("Renders a synthetic place along a camera's way to a data set with exact ground truth.",
                "portolan_synth");
+  app.set_version_flag("--version", "portolan_synth " + BuildDescription());
   Arguments arguments;
   AddOptions(&app, &arguments);
   try {

@@ -226,7 +226,7 @@ void FrontendProcess::OnTick() {
   if (phase_ == Phase::kRunning) ReleasePumpIfReady();
   const auto now = Clock::now();
   if (tracker_.AwaitedKeyFrame() && now - last_send_ > kResendAfter) {
-    spdlog::debug("the mapper has not answered: sending {} keyframes again", tracker_.UnacknowledgedKeyFrames().size());
+    spdlog::debug("the mapper has not answered: sending {} keyframes again", tracker_.num_unacknowledged());
     for (const KeyFrameMessage& message : tracker_.UnacknowledgedKeyFrames()) keyframe_writer_->Write(message);
     for (const auto& [id, request] : open_requests_) request_writer_->Write(request);
     last_send_ = now;
@@ -266,7 +266,7 @@ void FrontendProcess::OnStatusTimer() {
                    {"frames_unreadable", static_cast<double>(playback.unreadable)},
                    {"events_waiting", static_cast<double>(loop_->depth())},
                    {"events_dropped", static_cast<double>(loop_->dropped())},
-                   {"unacknowledged_keyframes", static_cast<double>(tracker_.UnacknowledgedKeyFrames().size())}});
+                   {"unacknowledged_keyframes", static_cast<double>(tracker_.num_unacknowledged())}});
 }
 
 void FrontendProcess::ShowProgress(const TrackerState& state) {

@@ -58,6 +58,7 @@ class Tracker {
 
   /// Keyframes that no delta has contained yet: to be sent again to a new owner of their map.
   std::vector<KeyFrameMessage> UnacknowledgedKeyFrames() const;
+  size_t num_unacknowledged() const { return unacknowledged_.size(); }
   /// The last keyframe sent, if the mapper has not taken it in (or refused it) yet: what a lockstep run waits for.
   std::optional<KeyFrameId> AwaitedKeyFrame() const;
   /// Replicas that want a snapshot.

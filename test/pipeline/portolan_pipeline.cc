@@ -13,6 +13,7 @@
 #include "mapping/mapper_config.h"
 #include "pipeline/pipeline.h"
 #include "tracking/tracker_config.h"
+#include "version/version.h"
 
 namespace portolan {
 namespace {
@@ -80,6 +81,7 @@ int Run(const SourceOptions& source_options, const std::string& out, const Track
 
 int main(int argc, char** argv) {
   CLI::App app("Tracker and mapper in one process on a data set, in lockstep");
+  app.set_version_flag("--version", "portolan_pipeline_run " + portolan::BuildDescription());
   portolan::SourceOptions source;
   portolan::TrackerOptions tracker;
   portolan::MapperOptions mapper;
