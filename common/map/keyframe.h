@@ -36,6 +36,11 @@ constexpr int kDirectIndexLevel = 2;
 /// Fills in grid, bow and nodes. @param vocabulary may be null: bow and nodes stay empty (tests of geometry alone).
 std::shared_ptr<const KeyFrameData> MakeKeyFrameData(KeyFrameData data, const Vocabulary* vocabulary);
 
+/// The keyframe's bag for a KeyFrameIndex, which keeps the data alive for as long as it is indexed.
+inline std::shared_ptr<const BowVector> WordsOf(const std::shared_ptr<const KeyFrameData>& data) {
+  return {data, &data->bow};
+}
+
 /// A keyframe in a map: shared data and small changing state.
 struct KeyFrame {
   std::shared_ptr<const KeyFrameData> data;

@@ -98,7 +98,7 @@ void Map::RemoveKeyFrame(KeyFrameId id) {
   const Rigid3d removed_from_anchor =
       removed.camera_from_map * MutableKeyFrame(removed.parent).camera_from_map.Inverse();
   keyframes_.erase(id);
-  covisibility_.erase(id);
+  covisibility_.Forget(id);
   changes_.keyframes.erase(id);
   changes_.removed_keyframes.push_back({id, removed.parent, removed_from_anchor});
 }
@@ -165,11 +165,7 @@ void Map::RemoveObservation(MapPointId point_id, KeyFrameId keyframe_id) {
 }
 
 void Map::LinkObservation(MapPoint* point, KeyFrameId keyframe, uint32_t feature) {
-  auto& neighbours = covisibility_[keyframe];
-  for (const Observation& o : point->observations) {
-    ++neighbours[o.keyframe];
-    ++covisibility_[o.keyframe][keyframe];
-  }
+  for (const Observation& o : point->observations) covisibility_.Add(keyframe, o.keyframe);
   point->observations.insert(LowerBound(point->observations, keyframe), Observation{keyframe, feature});
   MutableKeyFrame(keyframe).landmarks[feature] = point->id;
   MarkStale(point, kGeometryStale | kDescriptorStale);
@@ -179,12 +175,7 @@ void Map::UnlinkObservation(MapPoint* point, size_t index) {
   const Observation removed = point->observations[index];
   point->observations.erase(point->observations.begin() + static_cast<ptrdiff_t>(index));
   MutableKeyFrame(removed.keyframe).landmarks[removed.feature] = MapPointId();
-  auto& neighbours = covisibility_[removed.keyframe];
-  for (const Observation& o : point->observations) {
-    auto& theirs = covisibility_[o.keyframe];
-    if (--theirs[removed.keyframe] == 0) theirs.erase(removed.keyframe);
-    if (--neighbours[o.keyframe] == 0) neighbours.erase(o.keyframe);
-  }
+  for (const Observation& o : point->observations) covisibility_.Remove(removed.keyframe, o.keyframe);
   MarkStale(point, kGeometryStale | kDescriptorStale);
 }
 
@@ -193,18 +184,13 @@ void Map::UnlinkAll(MapPoint* point) {
 }
 
 int Map::Covisibility(KeyFrameId a, KeyFrameId b) const {
-  const auto neighbours = covisibility_.find(a);
-  if (neighbours == covisibility_.end()) return 0;
-  const auto found = neighbours->second.find(b);
-  return found == neighbours->second.end() ? 0 : found->second;
+  return covisibility_.Common(a, b);
 }
 
 std::vector<std::pair<KeyFrameId, int>> Map::CovisibleKeyFrames(KeyFrameId id, int min_common, size_t most) const {
   std::vector<std::pair<KeyFrameId, int>> result;
-  const auto neighbours = covisibility_.find(id);
-  if (neighbours == covisibility_.end()) return result;
-  for (const auto& entry : neighbours->second) {
-    if (entry.second >= min_common) result.push_back(entry);
+  for (const auto& neighbour : covisibility_.Of(id)) {
+    if (neighbour.second >= min_common) result.push_back(neighbour);
   }
   std::sort(result.begin(), result.end(), [](const auto& a, const auto& b) {
     return a.second != b.second ? a.second > b.second : a.first < b.first;

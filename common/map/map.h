@@ -12,6 +12,7 @@
 
 #include "base/ids.h"
 #include "base/result.h"
+#include "map/covisibility_graph.h"
 #include "map/keyframe.h"
 #include "map/map_delta.h"
 #include "map/map_point.h"
@@ -121,7 +122,7 @@ class Map {
   Revision revision_ = 0;
   std::map<KeyFrameId, KeyFrame> keyframes_;
   std::unordered_map<MapPointId, MapPoint> points_;
-  std::unordered_map<KeyFrameId, std::unordered_map<KeyFrameId, int>> covisibility_;
+  CovisibilityGraph covisibility_;
   std::vector<MapPointId> stale_points_;  // derived fields out of date; some may be gone
   std::set<KeyFrameId> moved_keyframes_;  // what they see is stale too; some may be gone
   Changes changes_;

@@ -135,7 +135,7 @@ void Map::ApplyRemovals(const MapDelta& delta) {
       if (landmark.IsValid()) RemoveObservation(landmark, removed.id);
     }
     keyframes_.erase(removed.id);
-    covisibility_.erase(removed.id);
+    covisibility_.Forget(removed.id);
   }
 }
 

@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <map>
+#include <memory>
 #include <set>
+#include <utility>
 
 #include "base/random.h"
 
@@ -18,6 +20,10 @@ BowVector RandomBow(Random* random) {
   BowVector bow;
   for (uint32_t word : words) bow.emplace_back(word, 1.0f / static_cast<float>(words.size()));
   return bow;
+}
+
+std::shared_ptr<const BowVector> Share(BowVector bow) {
+  return std::make_shared<const BowVector>(std::move(bow));
 }
 
 KeyFrameId Key(uint32_t sequence) {
@@ -55,7 +61,7 @@ TEST(KeyFrameIndex, AgreesWithASearchOfAllThroughChanges) {
       bags.erase(keyframe);
     } else {
       bags[keyframe] = RandomBow(&random);  // anew or in place of another
-      index.Add(keyframe, bags[keyframe]);
+      index.Add(keyframe, Share(bags[keyframe]));
     }
     EXPECT_EQ(index.size(), bags.size());
     const BowVector query = RandomBow(&random);
@@ -73,17 +79,27 @@ TEST(KeyFrameIndex, AgreesWithASearchOfAllThroughChanges) {
 
 TEST(KeyFrameIndex, SortsByWordsThenById) {
   KeyFrameIndex index;
-  index.Add(Key(3), {{1, 0.5f}, {2, 0.5f}});
-  index.Add(Key(2), {{1, 0.5f}, {9, 0.5f}});
-  index.Add(Key(1), {{2, 0.5f}, {9, 0.5f}});
+  index.Add(Key(3), Share({{1, 0.5f}, {2, 0.5f}}));
+  index.Add(Key(2), Share({{1, 0.5f}, {9, 0.5f}}));
+  index.Add(Key(1), Share({{2, 0.5f}, {9, 0.5f}}));
   ExpectSame(index.Query({{1, 0.5f}, {2, 0.5f}}), {{Key(3), 2}, {Key(1), 1}, {Key(2), 1}});
+}
+
+TEST(KeyFrameIndex, SharesTheBagWhileItIsIndexed) {
+  KeyFrameIndex index;
+  const auto bow = Share({{1, 0.5f}, {2, 0.5f}});
+  index.Add(Key(1), bow);
+  EXPECT_EQ(index.Find(Key(1)), bow.get());
+  EXPECT_EQ(bow.use_count(), 2);
+  index.Remove(Key(1));
+  EXPECT_EQ(bow.use_count(), 1);
 }
 
 TEST(KeyFrameIndex, UnknownIdsAndEmptyBagsDoNoHarm) {
   KeyFrameIndex index;
   index.Remove(Key(1));
   EXPECT_EQ(index.Find(Key(1)), nullptr);
-  index.Add(Key(1), {});
+  index.Add(Key(1), Share({}));
   EXPECT_EQ(index.size(), 1u);
   EXPECT_TRUE(index.Query({{1, 1.0f}}).empty());
   EXPECT_TRUE(index.Query({}).empty());

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
+#include <utility>
 
 #include "vocabulary/vocabulary_file.h"
 #include "vocabulary/vocabulary_storage.h"
@@ -21,6 +22,7 @@ BowVector CountWords(const std::vector<std::pair<uint32_t, float>>& words) {
     sum += words[i].second;
   }
   for (auto& [word, weight] : bow) weight = static_cast<float>(weight / sum);
+  bow.shrink_to_fit();  // kept for as long as its image is
   return bow;
 }
 
@@ -43,7 +45,7 @@ void Vocabulary::Transform(const std::vector<Descriptor>& descriptors, int direc
                            NodeFeatures* nodes) const {
   const int node_level = std::max(1, depth_ - direct_level);
   std::vector<std::pair<uint32_t, float>> words;
-  std::vector<std::pair<uint32_t, uint32_t>> features_by_node;
+  NodeFeatures features_by_node;
   words.reserve(descriptors.size());
   features_by_node.reserve(descriptors.size());
   for (size_t i = 0; i < descriptors.size(); ++i) {
@@ -58,13 +60,7 @@ void Vocabulary::Transform(const std::vector<Descriptor>& descriptors, int direc
   std::sort(words.begin(), words.end());
   *bow = CountWords(words);
   std::sort(features_by_node.begin(), features_by_node.end());
-  nodes->clear();
-  auto entry = nodes->end();
-  for (const auto& [node, feature] : features_by_node) {
-    if (entry == nodes->end() || entry->first != node)
-      entry = nodes->emplace_hint(nodes->end(), node, std::vector<uint32_t>());
-    entry->second.push_back(feature);
-  }
+  *nodes = std::move(features_by_node);
 }
 
 }  // namespace portolan

@@ -70,10 +70,11 @@ TEST(Vocabulary, DirectIndexNamesTheNodeAtItsLevel) {
     NodeFeatures expected;
     for (uint32_t i = 0; i < image.size(); ++i) {
       const std::vector<uint32_t> path = Descend(*vocabulary, image[i]);
-      expected[path[std::min(level, path.size()) - 1]].push_back(i);
+      expected.emplace_back(path[std::min(level, path.size()) - 1], i);
     }
+    std::sort(expected.begin(), expected.end());
     BowVector bow;
-    NodeFeatures nodes = {{12345, {6}}};  // what was there goes
+    NodeFeatures nodes = {{12345, 6}};  // what was there goes
     vocabulary->Transform(image, direct_level, &bow, &nodes);
     EXPECT_EQ(nodes, expected);
   }
@@ -97,7 +98,7 @@ TEST(Vocabulary, ScoresSimilarImagesHigher) {
 
 TEST(Vocabulary, TransformOfNothingIsEmpty) {
   BowVector bow = {{1, 1.0f}};
-  NodeFeatures nodes = {{1, {2}}};
+  NodeFeatures nodes = {{1, 2}};
   SmallVocabulary()->Transform({}, 2, &bow, &nodes);
   EXPECT_TRUE(bow.empty());
   EXPECT_TRUE(nodes.empty());

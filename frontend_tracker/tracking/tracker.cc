@@ -235,7 +235,7 @@ void Tracker::OnApplied(const Map& map, const MapDelta& delta) {
   for (const MapDelta::KeyFrameState& state : delta.keyframes) {
     unacknowledged_.erase(state.id);
     const KeyFrame* keyframe = map.FindKeyFrame(state.id);  // null if a later delta of the same batch removed it again
-    if (map.id() == active_map_ && keyframe != nullptr) index_.Add(state.id, keyframe->data->bow);
+    if (map.id() == active_map_ && keyframe != nullptr) index_.Add(state.id, WordsOf(keyframe->data));
   }
   for (const MapDelta::RemovedKeyFrame& removed : delta.removed_keyframes) {
     if (map.id() == active_map_) index_.Remove(removed.id);

@@ -90,7 +90,7 @@ void Tracker::BeginTracking() {
   new_map_ = MapId();
   const Map& map = ActiveReplica().map();
   index_ = KeyFrameIndex();
-  for (const auto& [id, keyframe] : map.keyframes()) index_.Add(id, keyframe.data->bow);
+  for (const auto& [id, keyframe] : map.keyframes()) index_.Add(id, WordsOf(keyframe.data));
   keyframe_policy_.StartMap(map);
   map_tracker_.Reset();
   velocity_model_.Reset();
