@@ -4,16 +4,10 @@
 #include <optional>
 
 #include "map/keyframe.h"
+#include "map/landmark_projection.h"
 #include "map/map_point.h"
 
 namespace portolan {
-
-/// Where and how large a landmark should appear in a keyframe.
-struct PredictedFeature {
-  Eigen::Vector2d pixel_px;
-  double distance = 0;  ///< camera centre to landmark, map units
-  int octave = 0;       ///< pyramid level at which it should be detected
-};
 
 /// A keyframe as a place to project landmarks into, with what the inner loops need computed once. Keeps a reference to
 /// the keyframe.
@@ -21,9 +15,8 @@ class KeyFrameView {
  public:
   explicit KeyFrameView(const KeyFrame& keyframe);
 
-  /// @return nothing when the landmark is behind the camera, outside the image, out of the range of distances at which
-  /// it can be detected, or seen from more than 60 degrees off its mean viewing direction.
-  std::optional<PredictedFeature> Predict(const MapPoint& point) const;
+  /// Where the keyframe should see the landmark, as LandmarkProjection.
+  std::optional<PredictedFeature> Predict(const MapPoint& point) const { return projection_.Predict(point); }
 
   /// Standard deviation of a feature's location: its pyramid level's scale, pixels.
   double Sigma(uint32_t feature) const { return sigmas_[data().features.octaves[feature]]; }
@@ -34,15 +27,13 @@ class KeyFrameView {
   const KeyFrame& keyframe() const { return keyframe_; }
   const KeyFrameData& data() const { return *keyframe_.data; }
   const PinholeCamera& camera() const { return keyframe_.data->camera; }
-  const Eigen::Matrix3d& rotation() const { return rotation_; }  ///< of camera_from_map
-  const Eigen::Vector3d& centre_in_map() const { return centre_in_map_; }
+  const Eigen::Matrix3d& rotation() const { return projection_.rotation(); }  ///< of camera_from_map
+  const Eigen::Vector3d& centre_in_map() const { return projection_.centre_in_map(); }
 
  private:
   const KeyFrame& keyframe_;
-  Eigen::Matrix3d rotation_;
-  Eigen::Vector3d centre_in_map_;
+  LandmarkProjection projection_;
   std::vector<double> scales_, sigmas_;
-  double inverse_log_factor_;
 };
 
 }  // namespace portolan

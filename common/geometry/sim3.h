@@ -7,6 +7,8 @@
 
 namespace portolan {
 
+using Vector7d = Eigen::Matrix<double, 7, 1>;
+
 /// A similarity of 3D space (paper Eq. 12): x_in_b = scale * rotation * x_in_a + translation, named b_from_a.
 struct Sim3d {
   double scale = 1.0;  ///< positive
@@ -31,5 +33,14 @@ struct Sim3d {
 /// camera_from_b of a camera whose pose was camera_from_a, with b_from_a a similarity between maps: the camera stays
 /// where it is in the scene and lengths change to b's units. Rigid: [R t/s] (paper Eq. 13).
 Rigid3d TransformPose(const Rigid3d& camera_from_a, const Sim3d& b_from_a);
+
+/// Exponential and logarithm of Sim(3). Twist order: 3 of translation, 3 of rotation, the scale's logarithm; the angle
+/// is below pi for the logarithm.
+/// exp(rho, omega, sigma) = [e^sigma Exp(omega), W rho] with W the integral of exp(t A) over t from 0 to 1,
+/// A = sigma I + [omega]x.
+/// Source: Ethan Eade, Lie groups for 2D and 3D transformations; W as the power series sum A^k / (k + 1)!, which needs
+/// no cases for small angles and scales.
+Sim3d ExpSim3(const Vector7d& twist);
+Vector7d LogSim3(const Sim3d& similarity);
 
 }  // namespace portolan

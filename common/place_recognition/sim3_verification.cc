@@ -1,0 +1,215 @@
+#include "place_recognition/sim3_verification.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+
+#include "base/time.h"
+#include "place_recognition/place_matching.h"
+
+namespace portolan {
+namespace {
+
+constexpr int kSpreadColumns = 8, kSpreadRows = 6;
+
+double MedianError(const std::vector<FoundLandmark>& found) {
+  std::vector<double> errors;
+  for (const FoundLandmark& landmark : found) errors.push_back(landmark.error_px);
+  return errors.empty() ? 0 : Quantile(std::move(errors), 0.5);
+}
+
+/// Share of the image's cells in which a feature lies.
+double SpreadOf(const std::vector<FoundLandmark>& found, const KeyFrameData& image) {
+  std::array<bool, kSpreadColumns * kSpreadRows> is_covered{};
+  for (const FoundLandmark& landmark : found) {
+    const Eigen::Vector2f& pixel_px = image.features.pixels_px[landmark.feature];
+    const float column = pixel_px.x() / static_cast<float>(image.camera.width) * kSpreadColumns;
+    const float row = pixel_px.y() / static_cast<float>(image.camera.height) * kSpreadRows;
+    const int cell = std::clamp(static_cast<int>(row), 0, kSpreadRows - 1) * kSpreadColumns +
+                     std::clamp(static_cast<int>(column), 0, kSpreadColumns - 1);
+    is_covered[static_cast<size_t>(cell)] = true;
+  }
+  const auto covered = std::count(is_covered.begin(), is_covered.end(), true);
+  return static_cast<double>(covered) / static_cast<double>(is_covered.size());
+}
+
+double Ratio(double share, double of) { return of > 0 ? share / of : 0; }
+double Ratio(int part, int whole) { return whole > 0 ? static_cast<double>(part) / whole : 0; }
+
+/// The steps, one after another; each may end it with a reason.
+class Verification {
+ public:
+  Verification(const Map& query_map, KeyFrameId query, const Map& candidate_map, KeyFrameId candidate,
+               const Sim3VerificationOptions& options)
+      : options_(options),
+        query_(query_map, query, options.neighbourhood),
+        candidate_(candidate_map, candidate, options.neighbourhood) {
+    const std::unordered_set<MapPointId> seen_by_query = query_.ids;
+    query_.Remove(candidate_.ids);
+    candidate_.Remove(seen_by_query);
+  }
+
+  Status MatchWords() {
+    pairs_ = MatchByWords(query_, candidate_, options_.word_keyframes, options_.words);
+    evidence().word_matches = static_cast<int>(pairs_.size());
+    if (evidence().word_matches >= options_.min_word_matches) return Ok{};
+    return Error{fmt::format("{} landmarks matched by words, expected {}", pairs_.size(), options_.min_word_matches)};
+  }
+
+  Status EstimateByRansac() {
+    Sim3RansacOptions ransac = options_.ransac;
+    ransac.fix_scale = options_.fix_scale;
+    const auto estimate = EstimateSim3(ToSim3Matches(pairs_, query_, candidate_), ransac);
+    if (!estimate) return estimate.error();
+    place_.query_from_candidate = estimate->b_from_a;
+    evidence().ransac_inliers = estimate->num_inliers;
+    return Ok{};
+  }
+
+  Status RefineGuided() {
+    pairs_ = MatchByProjection(query_, candidate_, QueryMapFromCandidateMap(), options_.guided);
+    Sim3OptimizationOptions refinement;
+    refinement.fix_scale = options_.fix_scale;
+    const Sim3OptimizationResult refined =
+        OptimizeSim3(ToSim3Matches(pairs_, query_, candidate_), place_.query_from_candidate, refinement);
+    place_.query_from_candidate = refined.b_from_a;
+    place_.inliers = evidence().inliers = refined.num_inliers;
+    for (size_t i = 0; i < pairs_.size(); ++i) {
+      if (!refined.inliers[i]) continue;
+      place_.matches.emplace_back(pairs_[i].query->id, pairs_[i].candidate->id);
+      place_.seen.emplace_back(pairs_[i].feature, pairs_[i].candidate->id);
+    }
+    if (refined.num_inliers >= options_.min_inliers) return Ok{};
+    return Error{fmt::format("{} inliers of {} after refinement, expected {}", refined.num_inliers, pairs_.size(),
+                             options_.min_inliers)};
+  }
+
+  /// The candidate side's landmarks in the query, the query side's in the candidate.
+  Status SearchWide() {
+    const Sim3d query_map_from_candidate_map = QueryMapFromCandidateMap();
+    const LandmarkSearchResult in_query =
+        Find(candidate_, TransformPose(query_.keyframe().camera_from_map, query_map_from_candidate_map.Inverse()), query_);
+    const LandmarkSearchResult in_candidate =
+        Find(query_, TransformPose(candidate_.keyframe().camera_from_map, query_map_from_candidate_map), candidate_);
+    PlaceEvidence& e = evidence();
+    e.query_visible = in_query.visible;
+    e.query_found = place_.group_inliers = static_cast<int>(in_query.found.size());
+    e.candidate_visible = in_candidate.visible;
+    e.candidate_found = static_cast<int>(in_candidate.found.size());
+    e.query_own_share = Find(query_, query_.keyframe().camera_from_map, query_).Share();
+    e.candidate_own_share = Find(candidate_, candidate_.keyframe().camera_from_map, candidate_).Share();
+    e.spread = SpreadOf(in_query.found, *query_.keyframe().data);
+    e.median_error_px = MedianError(in_query.found);
+    AddSeen(in_query.found);
+    return CheckWide();
+  }
+
+  /// A look-alike seldom goes on where the query's neighbours look.
+  Status AskNeighbours() {
+    const Sim3d candidate_map_from_query_map = QueryMapFromCandidateMap().Inverse();
+    PlaceEvidence& e = evidence();
+    for (size_t k = 1; k < query_.keyframes.size() && k <= options_.consistency_keyframes; ++k) {
+      const KeyFrame& neighbour = *query_.keyframes[k];
+      const LandmarkSearchResult found =
+          FindLandmarks(candidate_.landmarks, TransformPose(neighbour.camera_from_map, candidate_map_from_query_map),
+                        *neighbour.data, options_.wide);
+      if (found.visible < options_.min_asked_visible) continue;
+      ++e.asked;
+      e.shares_asked.push_back(Ratio(found.Share(), e.candidate_own_share));
+      if (e.shares_asked.back() >= options_.min_share) ++e.agreeing;
+    }
+    if (e.agreeing >= options_.min_agreeing) return Ok{};
+    return Error{fmt::format("{} of {} covisible keyframes agree, expected {}", e.agreeing, e.asked, options_.min_agreeing)};
+  }
+
+  const VerifiedPlace& place() const { return place_; }
+
+ private:
+  PlaceEvidence& evidence() { return place_.evidence; }
+
+  Sim3d QueryMapFromCandidateMap() const {
+    return Sim3d(query_.keyframe().camera_from_map.Inverse()) * place_.query_from_candidate *
+           Sim3d(candidate_.keyframe().camera_from_map);
+  }
+
+  LandmarkSearchResult Find(const Neighbourhood& landmarks, const Rigid3d& camera_from_map, const Neighbourhood& in) const {
+    return FindLandmarks(landmarks.landmarks, camera_from_map, *in.keyframe().data, options_.wide);
+  }
+
+  Status CheckWide() const {
+    const PlaceEvidence& e = place_.evidence;
+    if (e.query_found < options_.min_group_inliers)
+      return Error{fmt::format("{} landmarks around the candidate found, expected {}", e.query_found, options_.min_group_inliers)};
+    if (e.Share() < options_.min_share) {
+      return Error{fmt::format("{:.0f} % of what should be in view found ({} of {}, back {} of {}), expected {:.0f} %", 100 * e.Share(),
+                               e.query_found, e.query_visible, e.candidate_found, e.candidate_visible, 100 * options_.min_share)};
+    }
+    if (e.spread < options_.min_spread)
+      return Error{fmt::format("found in {:.0f} % of the image, expected {:.0f} %", 100 * e.spread, 100 * options_.min_spread)};
+    return Ok{};
+  }
+
+  void AddSeen(const std::vector<FoundLandmark>& found) {
+    std::unordered_set<uint32_t> features;
+    std::unordered_set<MapPointId> landmarks;
+    for (const auto& [feature, landmark] : place_.seen) {
+      features.insert(feature);
+      landmarks.insert(landmark);
+    }
+    for (const FoundLandmark& f : found) {
+      const MapPointId id = candidate_.landmarks[f.landmark]->id;
+      if (features.count(f.feature) == 1 || landmarks.count(id) == 1) continue;
+      place_.seen.emplace_back(f.feature, id);
+    }
+  }
+
+  const Sim3VerificationOptions& options_;
+  Neighbourhood query_, candidate_;
+  std::vector<LandmarkPair> pairs_;
+  VerifiedPlace place_;
+};
+
+}  // namespace
+
+double PlaceEvidence::Share() const {
+  return std::min(Ratio(Ratio(query_found, query_visible), candidate_own_share),
+                  Ratio(Ratio(candidate_found, candidate_visible), query_own_share));
+}
+
+std::string ToString(const PlaceEvidence& e) {
+  std::string asked;
+  for (const double share : e.shares_asked) asked += fmt::format(" {:.0f}", 100 * share);
+  return fmt::format(
+      "{} by words, RANSAC {}, {} inliers, found {} of {} and back {} of {}: {:.0f} %, in {:.0f} % of the image, error {:.1f} px, {} of {} "
+      "keyframes agree ({} %)",
+      e.word_matches, e.ransac_inliers, e.inliers, e.query_found, e.query_visible, e.candidate_found, e.candidate_visible, 100 * e.Share(),
+      100 * e.spread, e.median_error_px, e.agreeing, e.asked, asked.empty() ? "none" : asked.substr(1));
+}
+
+Result<VerifiedPlace> VerifyPlace(const Map& query_map, KeyFrameId query, const Map& candidate_map,
+                                  KeyFrameId candidate, const Sim3VerificationOptions& options,
+                                  const std::atomic<bool>* stop, StageTimes* times) {
+  Stopwatch watch;
+  const auto note = [&](const char* step) {
+    if (times != nullptr) times->Add(step, watch.Milliseconds());
+    watch.Restart();
+  };
+  Verification verification(query_map, query, candidate_map, candidate, options);
+  note("verify_gather");
+  using Step = Status (Verification::*)();
+  constexpr std::pair<const char*, Step> kSteps[] = {{"verify_words", &Verification::MatchWords},
+                                                     {"verify_ransac", &Verification::EstimateByRansac},
+                                                     {"verify_refine", &Verification::RefineGuided},
+                                                     {"verify_wide", &Verification::SearchWide},
+                                                     {"verify_neighbours", &Verification::AskNeighbours}};
+  for (const auto& [name, step] : kSteps) {
+    if (stop != nullptr && *stop) return Error{"stopped"};
+    const Status status = (verification.*step)();
+    note(name);
+    if (!status) return status.error();
+  }
+  return verification.place();
+}
+
+}  // namespace portolan

@@ -1,0 +1,83 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "base/result.h"
+#include "base/statistics.h"
+#include "features/feature_matcher.h"
+#include "map/map.h"
+#include "place_recognition/landmark_search.h"
+#include "place_recognition/neighbourhood.h"
+#include "place_recognition/sim3_ransac.h"
+
+namespace portolan {
+
+struct Sim3VerificationOptions {
+  // Where evidence is looked for.
+  NeighbourhoodOptions neighbourhood;  ///< of the query and of the candidate
+  size_t word_keyframes = 6;           ///< of the candidate's side matched by words, the candidate among them
+  MatcherOptions words{50, 0.8, true};  ///< matches by words
+  Sim3RansacOptions ransac;             ///< the seed is here
+  LandmarkSearchOptions guided{8, 50};  ///< with the similarity of RANSAC, whose translation is off by some pixels
+  LandmarkSearchOptions wide{4, 50};    ///< with the refined one: 3 sigmas and the error of the landmarks
+  bool fix_scale = false;               ///< both maps have one scale
+
+  // How much of it is enough.
+  int min_word_matches = 20;       ///< landmarks matched by words
+  int min_inliers = 25;            ///< landmark pairs on which the refined similarity agrees
+  int min_group_inliers = 50;      ///< landmarks of the candidate's side found in the query keyframe
+  double min_share = 0.3;          ///< of landmarks found to landmarks expected, either way
+  double min_spread = 0.1;         ///< of the image's 8 x 6 cells, those with a landmark found
+  size_t consistency_keyframes = 5;  ///< the query's best covisible keyframes that are asked
+  int min_asked_visible = 30;        ///< landmarks in view of a keyframe: with fewer it has no say
+  int min_agreeing = 3;              ///< of them, those which find their share too
+};
+
+/// What speaks for two keyframes showing one place.
+struct PlaceEvidence {
+  int word_matches = 0;    ///< landmark pairs by words
+  int ransac_inliers = 0;  ///< of them
+  int inliers = 0;         ///< landmark pairs of the refined similarity
+  double median_error_px = 0;  ///< of the candidate side's landmarks found in the query, pixels of their pyramid levels
+  int query_visible = 0, query_found = 0;          ///< landmarks of the candidate's side, in the query keyframe
+  int candidate_visible = 0, candidate_found = 0;  ///< landmarks of the query's side, in the candidate keyframe
+  double candidate_own_share = 0;  ///< of its own side's landmarks in view, those that the candidate itself finds
+  double query_own_share = 0;      ///< the same of the query
+  double spread = 0;               ///< share of the query image's cells with a landmark found
+  int asked = 0, agreeing = 0;     ///< the query's covisible keyframes which see enough, and which agree
+  std::vector<double> shares_asked;  ///< found of expected for each of them, relative to candidate_own_share
+
+  /// Found of expected, in relation to what a keyframe of that side finds of the same: 1 would be as good as having been
+  /// there. Both ways, the lower one.
+  double Share() const;
+};
+
+/// For logs: all figures in one line.
+std::string ToString(const PlaceEvidence& evidence);
+
+/// A place that was seen twice.
+struct VerifiedPlace {
+  Sim3d query_from_candidate;  ///< query keyframe's camera frame (its map's units) from candidate keyframe's (its map's)
+  std::vector<std::pair<MapPointId, MapPointId>> matches;  ///< inliers: landmark of the query's map, of the candidate's
+  std::vector<std::pair<uint32_t, MapPointId>> seen;  ///< (feature of the query keyframe, landmark of the candidate's
+                                                      ///< side that it sees); those of the matches are among them
+  int inliers = 0;                                    ///< of the refined similarity
+  int group_inliers = 0;  ///< landmarks of the candidate's whole neighbourhood found in the query keyframe
+  PlaceEvidence evidence;
+};
+
+/// Whether two keyframes, of one map or of two, show one place, and the similarity between them (paper Sec. 5, second
+/// step): landmark pairs by words, Horn's closed form in RANSAC (paper Eq. 12), guided search, refinement on both
+/// reprojection errors. Then it must stand: found of the landmarks that should be in view, both ways, enough; all over
+/// the image; and the same in the query's covisible keyframes. Landmarks that both sides see are no evidence.
+/// Fails with the reason in words and numbers. Deterministic for options.ransac.seed.
+/// @param stop raised by another thread: fails soon. May be null. @param times by step, milliseconds. May be null.
+Result<VerifiedPlace> VerifyPlace(const Map& query_map, KeyFrameId query, const Map& candidate_map,
+                                  KeyFrameId candidate, const Sim3VerificationOptions& options,
+                                  const std::atomic<bool>* stop = nullptr, StageTimes* times = nullptr);
+
+}  // namespace portolan
