@@ -316,7 +316,6 @@ int FrontendProcess::Finish() {
   }
   const RadialResidual& residual = tracker_.camera().residual;
   report["lens_residual"] = {residual.k1, residual.k2};
-  report["loops"] = 0;
   report["switches"] = 0;
   report["fusions"] = 0;
   const auto& frame_times = times.samples().find("frame");
