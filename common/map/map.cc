@@ -192,10 +192,11 @@ std::vector<std::pair<KeyFrameId, int>> Map::CovisibleKeyFrames(KeyFrameId id, i
   for (const auto& neighbour : covisibility_.Of(id)) {
     if (neighbour.second >= min_common) result.push_back(neighbour);
   }
-  std::sort(result.begin(), result.end(), [](const auto& a, const auto& b) {
+  const size_t kept = most > 0 ? std::min(most, result.size()) : result.size();
+  std::partial_sort(result.begin(), result.begin() + static_cast<ptrdiff_t>(kept), result.end(), [](const auto& a, const auto& b) {
     return a.second != b.second ? a.second > b.second : a.first < b.first;
   });
-  if (most > 0 && result.size() > most) result.resize(most);
+  result.resize(kept);
   return result;
 }
 

@@ -21,7 +21,7 @@ void KeyFrameIndex::Add(KeyFrameId keyframe, std::shared_ptr<const BowVector> bo
   PORTOLAN_CHECK(bow != nullptr) << "keyframe " << keyframe;
   Remove(keyframe);
   const SlotNumber slot = TakeSlot();
-  for (const auto& [word, weight] : *bow) inverted_[word].push_back(slot);
+  for (const auto& [word, weight] : *bow) inverted_[word].push_back({slot, weight});
   slots_[slot] = {keyframe, std::move(bow)};
   slot_of_.emplace(keyframe, slot);
 }
@@ -32,9 +32,9 @@ void KeyFrameIndex::Remove(KeyFrameId keyframe) {
   const SlotNumber slot = found->second;
   for (const auto& [word, weight] : *slots_[slot].bow) {
     const auto entry = inverted_.find(word);
-    std::vector<SlotNumber>& slots = entry->second;
-    slots.erase(std::find(slots.begin(), slots.end(), slot));
-    if (slots.empty()) inverted_.erase(entry);
+    std::vector<Entry>& entries = entry->second;
+    entries.erase(std::find_if(entries.begin(), entries.end(), [slot](const Entry& e) { return e.slot == slot; }));
+    if (entries.empty()) inverted_.erase(entry);
   }
   slots_[slot] = Slot();
   free_.push_back(slot);
@@ -43,14 +43,18 @@ void KeyFrameIndex::Remove(KeyFrameId keyframe) {
 
 std::vector<SharedWords> KeyFrameIndex::Query(const BowVector& bow) const {
   std::vector<int> words(slots_.size());
+  std::vector<double> scores(slots_.size());
   for (const auto& [word, weight] : bow) {
     const auto entry = inverted_.find(word);
     if (entry == inverted_.end()) continue;
-    for (const SlotNumber slot : entry->second) ++words[slot];
+    for (const Entry& e : entry->second) {
+      ++words[e.slot];
+      scores[e.slot] += std::min(weight, e.weight);
+    }
   }
   std::vector<SharedWords> shared;
   for (size_t slot = 0; slot < slots_.size(); ++slot) {
-    if (words[slot] > 0) shared.push_back({slots_[slot].keyframe, words[slot]});
+    if (words[slot] > 0) shared.push_back({slots_[slot].keyframe, words[slot], std::min(scores[slot], 1.0)});
   }
   std::sort(shared.begin(), shared.end(), [](const SharedWords& a, const SharedWords& b) {
     return a.words != b.words ? a.words > b.words : a.keyframe < b.keyframe;

@@ -13,7 +13,8 @@ namespace portolan {
 /// How much a stored keyframe shares with a query.
 struct SharedWords {
   KeyFrameId keyframe;
-  int words = 0;  ///< number of words in common
+  int words = 0;     ///< number of words in common
+  double score = 0;  ///< similarity of the bags, as BowScore
 };
 
 /// Inverted index: word -> keyframes that saw it (paper Sec. 2), with the bags for scoring. Not thread-safe.
@@ -23,7 +24,7 @@ class KeyFrameIndex {
   void Add(KeyFrameId keyframe, std::shared_ptr<const BowVector> bow);
   /// No effect for an unknown id.
   void Remove(KeyFrameId keyframe);
-  /// Keyframes that share at least one word with the query, sorted by words (most first), then by id.
+  /// Keyframes that share at least one word with the query, scored, sorted by words (most first), then by id.
   std::vector<SharedWords> Query(const BowVector& bow) const;
   /// The bag of a keyframe, null if unknown.
   const BowVector* Find(KeyFrameId keyframe) const;
@@ -42,7 +43,12 @@ class KeyFrameIndex {
   std::vector<Slot> slots_;
   std::vector<SlotNumber> free_;
   std::unordered_map<KeyFrameId, SlotNumber> slot_of_;
-  std::unordered_map<uint32_t, std::vector<SlotNumber>> inverted_;
+  /// With the weight, so that a query scores all keyframes in one pass over its words.
+  struct Entry {
+    SlotNumber slot;
+    float weight;
+  };
+  std::unordered_map<uint32_t, std::vector<Entry>> inverted_;
 };
 
 }  // namespace portolan

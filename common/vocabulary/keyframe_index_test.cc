@@ -35,7 +35,7 @@ std::vector<SharedWords> SearchAll(const std::map<KeyFrameId, BowVector>& bags, 
   std::vector<SharedWords> shared;
   for (const auto& [keyframe, bow] : bags) {
     const int words = CountCommonWords(bow, query);
-    if (words > 0) shared.push_back({keyframe, words});
+    if (words > 0) shared.push_back({keyframe, words, BowScore(bow, query)});
   }
   std::stable_sort(shared.begin(), shared.end(),
                    [](const SharedWords& a, const SharedWords& b) { return a.words > b.words; });
@@ -47,6 +47,7 @@ void ExpectSame(const std::vector<SharedWords>& a, const std::vector<SharedWords
   for (size_t i = 0; i < a.size(); ++i) {
     EXPECT_EQ(a[i].keyframe, b[i].keyframe);
     EXPECT_EQ(a[i].words, b[i].words);
+    EXPECT_DOUBLE_EQ(a[i].score, b[i].score);
   }
 }
 
@@ -82,7 +83,7 @@ TEST(KeyFrameIndex, SortsByWordsThenById) {
   index.Add(Key(3), Share({{1, 0.5f}, {2, 0.5f}}));
   index.Add(Key(2), Share({{1, 0.5f}, {9, 0.5f}}));
   index.Add(Key(1), Share({{2, 0.5f}, {9, 0.5f}}));
-  ExpectSame(index.Query({{1, 0.5f}, {2, 0.5f}}), {{Key(3), 2}, {Key(1), 1}, {Key(2), 1}});
+  ExpectSame(index.Query({{1, 0.5f}, {2, 0.5f}}), {{Key(3), 2, 1.0}, {Key(1), 1, 0.5}, {Key(2), 1, 0.5}});
 }
 
 TEST(KeyFrameIndex, SharesTheBagWhileItIsIndexed) {
