@@ -46,14 +46,20 @@ Result<std::vector<LoopClosure>> ReadLoopClosures(const std::string& path) {
   if (list == nullptr) return Error{path + ": closures: missing, expected an array"};
   if (!list->is_array()) return Error{path + ": closures: " + list->type_name() + ", expected an array"};
   std::vector<LoopClosure> closures;
+  size_t index = 0;
   for (const json& entry : *list) {
-    const std::string place = fmt::format("{}: closures[{}]", path, closures.size());
+    const std::string place = fmt::format("{}: closures[{}]", path, index);
     if (!entry.is_object()) return Error{fmt::format("{}: {}, expected an object", place, entry.type_name())};
+    const json* applied = Find(entry, "applied");
+    if (applied != nullptr && !applied->is_boolean()) {
+      return Error{fmt::format("{}.applied: {}, expected true or false", place, applied->dump())};
+    }
     const Result<Timestamp> stamp = ReadStamp(entry, "stamp_ns", place);
     if (!stamp) return stamp.error();
     const Result<Timestamp> matched_stamp = ReadStamp(entry, "matched_stamp_ns", place);
     if (!matched_stamp) return matched_stamp.error();
-    closures.push_back({*stamp, *matched_stamp});
+    if (applied == nullptr || applied->get<bool>()) closures.push_back({*stamp, *matched_stamp});
+    ++index;
   }
   return closures;
 }

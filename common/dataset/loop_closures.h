@@ -15,7 +15,8 @@ struct LoopClosure {
 };
 
 /// Reads the array "closures" of a JSON file (loop_closer.json, summary.json): objects with integers "stamp_ns" and
-/// "matched_stamp_ns"; other keys are passed over. Fails naming the file, and the key or the place in it.
+/// "matched_stamp_ns"; those with "applied": false are left out, other keys are passed over. Fails naming the file, and
+/// the key or the place in it.
 Result<std::vector<LoopClosure>> ReadLoopClosures(const std::string& path);
 
 }  // namespace portolan

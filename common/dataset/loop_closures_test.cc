@@ -37,6 +37,19 @@ TEST_F(LoopClosuresTest, ReadsStampsAndPassesOverTheRest) {
   EXPECT_EQ((*closures)[1].matched_stamp.ns, 3);
 }
 
+TEST_F(LoopClosuresTest, LeavesOutWhatWasNotApplied) {
+  const auto closures = Read(
+      R"({"closures": [{"stamp_ns": 1, "matched_stamp_ns": 2, "applied": false},
+                       {"stamp_ns": 3, "matched_stamp_ns": 4, "applied": true}]})");
+  ASSERT_TRUE(closures) << closures.error().message;
+  ASSERT_EQ(closures->size(), 1u);
+  EXPECT_EQ((*closures)[0].stamp.ns, 3);
+  EXPECT_THAT(Complaint(R"({"closures": [{"stamp_ns": 1, "matched_stamp_ns": 2, "applied": false}, {"stamp_ns": 1}]})"),
+              HasSubstr("closures[1].matched_stamp_ns: missing"));
+  EXPECT_THAT(Complaint(R"({"closures": [{"stamp_ns": 1, "matched_stamp_ns": 2, "applied": 1}]})"),
+              HasSubstr("closures[0].applied: 1, expected true or false"));
+}
+
 TEST_F(LoopClosuresTest, ARunWithoutClosuresHasNone) {
   const auto closures = Read(R"({"closures": []})");
   ASSERT_TRUE(closures) << closures.error().message;

@@ -17,7 +17,8 @@ Tracker::Tracker(const TrackerOptions& options, const CameraModel& camera, std::
       map_tracker_(options.map_tracking),
       relocalizer_(options.relocalizer, options.seed),
       keyframe_policy_(options.keyframe),
-      initializer_(options.initializer),
+      beginning_(options.initializer),
+      backfill_(options, camera.pinhole),
       keyframe_ids_(robot, session),
       map_ids_(robot, session) {}
 
@@ -25,10 +26,10 @@ Tracker::Output Tracker::Track(const Image& image) {
   const Stopwatch whole;
   Output output;
   ApplyPending();
-  if (!active_map_.IsValid() && !new_map_.IsValid()) StartNewMap(&output);
+  if (!active_map_.IsValid() && !beginning_.map().IsValid()) StartNewMap(&output);
   Frame frame = MakeFrame(image);
 
-  if (HasPairArrived()) BeginTracking();
+  if (beginning_.sent() && beginning_.IsMade(replicas_.at(beginning_.map()).map())) BeginTracking();
   if (state_ == TrackingState::kInitializing || state_ == TrackingState::kLost) {
     Initialize(frame, &output);
   } else if (TrackInMap(&frame)) {
@@ -214,8 +215,7 @@ void Tracker::OnMapperState(const MapperState& state) {
   }
   if (state.refused_keyframe.IsValid()) {
     unacknowledged_.erase(state.refused_keyframe);
-    // The same first frame goes on, with later frames against it.
-    if (pending_pair_ && pending_pair_->second.data->id == state.refused_keyframe) DropPair();
+    if (beginning_.sent() && beginning_.sent()->second.data->id == state.refused_keyframe) DropPair();
   }
 }
 

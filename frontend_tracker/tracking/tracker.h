@@ -1,6 +1,5 @@
 #pragma once
 
-#include <deque>
 #include <map>
 #include <memory>
 #include <optional>
@@ -14,10 +13,11 @@
 #include "features/orb_extractor.h"
 #include "map/map_replica.h"
 #include "map/protocol.h"
+#include "tracking/backfill.h"
 #include "tracking/coarse_to_fine.h"
 #include "tracking/frame_history.h"
-#include "tracking/initializer.h"
 #include "tracking/keyframe_policy.h"
+#include "tracking/map_beginning.h"
 #include "tracking/map_motion.h"
 #include "tracking/relocalizer.h"
 #include "tracking/rotation_estimator.h"
@@ -94,9 +94,9 @@ class Tracker {
   void Initialize(Frame frame, Output* output);
   bool TryOldMap(Frame* frame);
   void SendPair(Initializer::Pair pair, Output* output);
-  bool HasPairArrived() const;  // whether the mapper has made the new map of it
-  void DropPair();              // refused, or not needed any more
+  void DropPair();  // refused, or not needed any more
   void BeginTracking();
+  void GoOnFrom(Frame frame);
   void BackfillOne();
 
   KeyFrameId Send(KeyFrameKind kind, Frame* frame, KeyFrameMessage message, Output* output);
@@ -115,7 +115,8 @@ class Tracker {
   MapTracker map_tracker_;
   Relocalizer relocalizer_;
   KeyFramePolicy keyframe_policy_;
-  Initializer initializer_;
+  MapBeginning beginning_;
+  Backfill backfill_;
   FrameHistory history_;
   StageTimes stage_times_;
 
@@ -127,17 +128,10 @@ class Tracker {
 
   TrackingState state_ = TrackingState::kInitializing;
   MapId active_map_;                                        // none until the first map is there
-  MapId new_map_;                                           // being initialised; none otherwise
   std::optional<Frame> last_frame_;                         // tracked or not; its pose is the prediction if not
   std::vector<ReferenceLandmark> reference_;                // of the last tracked frame
   KeyFrameId reference_keyframe_;
   int lost_frames_ = 0;
-
-  std::optional<std::pair<Frame, Frame>> pending_pair_;     // sent to the mapper, not answered yet (data has the keyframes' ids)
-  std::deque<Frame> waiting_frames_;                        // since the pair was sent, to be tracked when the map comes
-  std::vector<Frame> between_frames_;                       // offered to the initializer since its first frame
-  std::deque<Frame> backfill_;                              // of a map that has come
-  std::optional<Frame> backfill_last_;
 
   MapperState mapper_state_;
   std::optional<KeyFrameId> awaited_keyframe_;
