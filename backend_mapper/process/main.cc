@@ -9,10 +9,10 @@ int main(int argc, char** argv) {
       [&](ConfigReader* config) { return ReadMapperOptions(config, &options); });
   if (setup.exit_code) return *setup.exit_code;
 
-  const auto vocabulary =
-      Vocabulary::Open(setup.options.vocabulary_file.empty() ? Vocabulary::DefaultPath() : setup.options.vocabulary_file);
-  if (!vocabulary) {
-    spdlog::error("{}", vocabulary.error().message);
+  const auto vocabulary_hash = Vocabulary::HashOf(
+      setup.options.vocabulary_file.empty() ? Vocabulary::DefaultPath() : setup.options.vocabulary_file);
+  if (!vocabulary_hash) {
+    spdlog::error("{}", vocabulary_hash.error().message);
     return kExitBadInput;
   }
   ProcessLoop loop(4096);
@@ -22,6 +22,6 @@ int main(int argc, char** argv) {
     spdlog::error("{}", bus.error().message);
     return kExitFailure;
   }
-  MapperProcess process(setup, options, *vocabulary, bus->get(), priority, &loop);
+  MapperProcess process(setup, options, *vocabulary_hash, bus->get(), priority, &loop);
   return process.Run();
 }
