@@ -18,10 +18,10 @@ int Main(int argc, char** argv) {
       [&](ConfigReader* config) { return ReadAtlasOptions(config, &options); });
   if (setup.exit_code) return *setup.exit_code;
 
-  const auto vocabulary = Vocabulary::Open(setup.options.vocabulary_file.empty() ? Vocabulary::DefaultPath()
-                                                                                 : setup.options.vocabulary_file);
-  if (!vocabulary) {
-    spdlog::error("{}", vocabulary.error().message);
+  const auto vocabulary_hash = Vocabulary::HashOf(
+      setup.options.vocabulary_file.empty() ? Vocabulary::DefaultPath() : setup.options.vocabulary_file);
+  if (!vocabulary_hash) {
+    spdlog::error("{}", vocabulary_hash.error().message);
     return kExitBadInput;
   }
   std::signal(SIGXFSZ, SIG_IGN);  // a limit on file sizes is a full disk to us: the write fails and says so
@@ -41,7 +41,7 @@ int Main(int argc, char** argv) {
     spdlog::error("{}", bus.error().message);
     return kExitFailure;
   }
-  AtlasProcess process(setup, options, *vocabulary, store.get(), bus->get(), priority, &loop);
+  AtlasProcess process(setup, options, *vocabulary_hash, store.get(), bus->get(), priority, &loop);
   if (Status loaded = process.LoadStore(); !loaded) {
     spdlog::error("{}", loaded.error().message);
     return kExitBadInput;
