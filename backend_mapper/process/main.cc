@@ -10,8 +10,8 @@ int main(int argc, char** argv) {
       [&](ConfigReader* config) { return ReadMapperOptions(config, &options); });
   if (setup.exit_code) return *setup.exit_code;
 
-  const ProcessStart start = ProcessStart::Make(setup);
+  const ProcessStart start = ProcessStart::Make(setup, ProcessStart::Words::kHashAlone);
   if (start.exit_code) return *start.exit_code;
-  MapperProcess process(setup, options, start.vocabulary, start.bus.get(), start.priority, start.loop.get());
+  MapperProcess process(setup, options, start.vocabulary_hash, start.bus.get(), start.priority, start.loop.get());
   return process.Run();
 }

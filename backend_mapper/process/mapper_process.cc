@@ -18,11 +18,11 @@ constexpr auto kRequestInterval = std::chrono::seconds(1);
 
 }  // namespace
 
-MapperProcess::MapperProcess(const ProcessSetup& setup, const MapperOptions& options, std::shared_ptr<const Vocabulary> vocabulary, Bus* bus,
+MapperProcess::MapperProcess(const ProcessSetup& setup, const MapperOptions& options, uint64_t vocabulary_hash, Bus* bus,
                              const std::string& priority, ProcessLoop* loop)
     : setup_(setup),
       options_(options),
-      vocabulary_(std::move(vocabulary)),
+      vocabulary_hash_(vocabulary_hash),
       bus_(bus),
       priority_(priority),
       loop_(loop),
@@ -173,8 +173,8 @@ void MapperProcess::OnDeltaChunk(const MapDeltaChunk& chunk) {
 }
 
 void MapperProcess::OnKeyFrame(const KeyFrameMessage& message) {
-  if (message.vocabulary_hash != vocabulary_->hash()) {
-    if (foreign_vocabulary_++ == 0) spdlog::error("keyframes made with another vocabulary ({:016x}, here {:016x}) are passed over", message.vocabulary_hash, vocabulary_->hash());
+  if (message.vocabulary_hash != vocabulary_hash_) {
+    if (foreign_vocabulary_++ == 0) spdlog::error("keyframes made with another vocabulary ({:016x}, here {:016x}) are passed over", message.vocabulary_hash, vocabulary_hash_);
     return;
   }
   if (message.kind == KeyFrameKind::kCopy) {
@@ -282,7 +282,7 @@ void MapperProcess::OnSnapshotRequest(const SnapshotRequest& request) {
     copy.kind = KeyFrameKind::kCopy;
     copy.data = *keyframe.data;
     copy.map = request.map;
-    copy.vocabulary_hash = vocabulary_->hash();
+    copy.vocabulary_hash = vocabulary_hash_;
     keyframe_writer_->Write(copy);
     status_.AssertLiveliness();
   }

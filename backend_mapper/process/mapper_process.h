@@ -20,7 +20,7 @@ namespace portolan {
 /// requests, all on one owner thread. The tracker's interrupt comes in beside it and stops an optimisation under way.
 class MapperProcess {
  public:
-  MapperProcess(const ProcessSetup& setup, const MapperOptions& options, std::shared_ptr<const Vocabulary> vocabulary, Bus* bus,
+  MapperProcess(const ProcessSetup& setup, const MapperOptions& options, uint64_t vocabulary_hash, Bus* bus,
                 const std::string& priority, ProcessLoop* loop);
   ~MapperProcess();
 
@@ -54,7 +54,7 @@ class MapperProcess {
 
   const ProcessSetup& setup_;
   MapperOptions options_;
-  std::shared_ptr<const Vocabulary> vocabulary_;
+  const uint64_t vocabulary_hash_;
   Bus* bus_;
   std::string priority_;
   ProcessLoop* loop_;

@@ -41,6 +41,10 @@ inline std::shared_ptr<const BowVector> WordsOf(const std::shared_ptr<const KeyF
   return {data, &data->bow};
 }
 
+/// The data without orientations and descriptors, four fifths of its bytes, and without what is derived: enough to follow
+/// the map it is in and to know its points' distances, for a replica that matches nothing.
+std::shared_ptr<const KeyFrameData> WithoutAppearance(const KeyFrameData& data);
+
 /// A keyframe in a map: shared data and small changing state.
 struct KeyFrame {
   std::shared_ptr<const KeyFrameData> data;

@@ -4,6 +4,7 @@
 #include <string>
 #include <utility>
 
+#include "base/check.h"
 #include "map/delta_check.h"
 #include "map/map.h"
 
@@ -55,6 +56,10 @@ MapDelta Map::Snapshot() const {
   delta.revision = revision_;
   // Parents before children, so that a part of a snapshot never refers ahead: ids rise with age.
   for (const auto& [id, keyframe] : keyframes_) delta.keyframes.push_back(StateOf(keyframe));
+  size_t num_observations = 0;
+  for (const auto& [id, point] : points_) num_observations += point.observations.size();
+  delta.points.reserve(points_.size());
+  delta.observations.reserve(num_observations);
   for (const MapPointId id : SortedPointIds()) {
     const MapPoint& point = points_.at(id);
     if (point.observations.size() < kMinObservations) continue;
@@ -97,6 +102,12 @@ Status Map::Apply(const MapDelta& delta, const FindData& find_data) {
   Status checked = CheckDelta(*this, delta, find_data);
   if (checked) ApplyChecked(delta, find_data);
   return checked;
+}
+
+void Map::DropAppearance(KeyFrameId id, std::shared_ptr<const KeyFrameData> bare) {
+  KeyFrame& keyframe = MutableKeyFrame(id);
+  PORTOLAN_CHECK(bare->id == id && bare->features.size() == keyframe.landmarks.size()) << "data of " << bare->id;
+  keyframe.data = std::move(bare);
 }
 
 void Map::ApplyChecked(const MapDelta& delta, const FindData& find_data) {

@@ -34,6 +34,12 @@ Result<std::shared_ptr<const Vocabulary>> Vocabulary::Open(const std::string& pa
   return VocabularyBuilder::FromFile(path);
 }
 
+Result<uint64_t> Vocabulary::HashOf(const std::string& path) {
+  const auto vocabulary = Open(path);
+  if (!vocabulary) return vocabulary.error();
+  return (*vocabulary)->hash();
+}
+
 std::string Vocabulary::DefaultPath() {
   if (const char* path = std::getenv("PORTOLAN_VOCABULARY"); path != nullptr && *path != '\0') return path;
   std::error_code error;

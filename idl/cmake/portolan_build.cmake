@@ -40,6 +40,8 @@ target_compile_options(portolan_flags INTERFACE -Wall -Wextra -Wpedantic -Wshado
 if(PORTOLAN_MARCH)
   add_compile_options(-march=${PORTOLAN_MARCH})
 endif()
+# A program loads the libraries it uses, not all that those it links might: OpenCV's codecs alone bring a hundred.
+add_link_options(-Wl,--as-needed)
 if(PORTOLAN_SANITIZE)
   add_compile_options(-fsanitize=${PORTOLAN_SANITIZE} -fno-omit-frame-pointer)
   add_link_options(-fsanitize=${PORTOLAN_SANITIZE})
