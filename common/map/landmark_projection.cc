@@ -33,8 +33,9 @@ std::optional<PredictedFeature> LandmarkProjection::Predict(const MapPoint& poin
       predicted.distance > point.max_distance * kDistanceSlack) {
     return std::nullopt;
   }
-  if (from_centre.dot(point.mean_viewing_direction.cast<double>()) < kMinViewingCosine * predicted.distance)
-    return std::nullopt;
+  const double along_mean = from_centre.dot(point.mean_viewing_direction.cast<double>());
+  if (along_mean < kMinViewingCosine * predicted.distance) return std::nullopt;
+  predicted.viewing_cosine = along_mean / predicted.distance;
   // At max_distance it shows at octave 0; each octave nearer it is larger by the pyramid's factor.
   const double octave = std::log(point.max_distance / predicted.distance) * inverse_log_factor_;
   predicted.octave = std::clamp(static_cast<int>(std::lround(octave)), 0, pyramid_.levels - 1);

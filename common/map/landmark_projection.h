@@ -15,6 +15,7 @@ struct PredictedFeature {
   Eigen::Vector2d pixel_px;
   double distance = 0;  ///< camera centre to landmark, map units
   int octave = 0;       ///< pyramid level at which it should be detected
+  double viewing_cosine = 0;  ///< of the angle to the landmark's mean viewing direction
 };
 
 /// Predicts which landmarks of a map a camera sees, and how. Keeps references to the camera and the pyramid.

@@ -16,7 +16,7 @@ constexpr double kInitialDamping = 1e-4;  // relative to the diagonal
 constexpr double kFloor = 1e-12;          // of the largest diagonal element: what nothing determines stays as it is
 constexpr double kDampingUp = 10, kDampingDown = 0.1, kMaxDamping = 1e6;
 constexpr double kMinStep = 1e-8;              // norm of the twist; far below what moves a pixel visibly
-constexpr double kMinRelativeDecrease = 1e-6;  // of the cost: what follows moves the similarity by no noticeable share of its error
+constexpr double kMinRelativeDecrease = 1e-5;  // of the cost: what follows is a small share of the similarity's error
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 struct NormalEquations {

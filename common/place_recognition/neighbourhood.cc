@@ -1,18 +1,19 @@
 #include "place_recognition/neighbourhood.h"
 
 #include <algorithm>
+#include <unordered_set>
 
 namespace portolan {
 namespace {
 
 std::vector<KeyFrameId> SelectKeyFrames(const Map& map, KeyFrameId keyframe, const NeighbourhoodOptions& options) {
   std::vector<KeyFrameId> selected{keyframe};
+  if (options.neighbours == 0) return selected;  // 0 would ask the map for all
   const auto add = [&](KeyFrameId id) {
     const bool is_new = std::find(selected.begin(), selected.end(), id) == selected.end();
     if (is_new && selected.size() < options.most) selected.push_back(id);
   };
   const auto neighbours = map.CovisibleKeyFrames(keyframe, 1, options.neighbours);
-  if (options.neighbours == 0) return selected;  // 0 asks the map for all
   for (const auto& [id, common] : neighbours) add(id);
   if (options.second_neighbours == 0) return selected;
   for (const auto& [id, common] : neighbours) {
@@ -23,19 +24,41 @@ std::vector<KeyFrameId> SelectKeyFrames(const Map& map, KeyFrameId keyframe, con
 
 }  // namespace
 
-Neighbourhood::Neighbourhood(const Map& map, KeyFrameId keyframe, const NeighbourhoodOptions& options) {
-  for (const KeyFrameId id : SelectKeyFrames(map, keyframe, options)) {
-    keyframes.push_back(&map.keyframe(id));
-    for (const MapPointId landmark : keyframes.back()->landmarks) {
-      if (landmark.IsValid() && ids.insert(landmark).second) landmarks.push_back(&map.point(landmark));
-    }
-  }
+Neighbourhood::Neighbourhood(const Map& map, KeyFrameId keyframe, const NeighbourhoodOptions& options)
+    : map_(map), sorted_ids_(SelectKeyFrames(map, keyframe, options)) {
+  for (const KeyFrameId id : sorted_ids_) keyframes_.push_back(&map.keyframe(id));
+  std::sort(sorted_ids_.begin(), sorted_ids_.end());
 }
 
-void Neighbourhood::Remove(const std::unordered_set<MapPointId>& seen_by_other_side) {
-  const auto is_shared = [&](const MapPoint* point) { return seen_by_other_side.count(point->id) == 1; };
-  landmarks.erase(std::remove_if(landmarks.begin(), landmarks.end(), is_shared), landmarks.end());
-  for (const MapPointId id : seen_by_other_side) ids.erase(id);
+bool Neighbourhood::Sees(const MapPoint& landmark) const {
+  return std::any_of(landmark.observations.begin(), landmark.observations.end(), [&](const Observation& o) {
+    return std::binary_search(sorted_ids_.begin(), sorted_ids_.end(), o.keyframe);
+  });
+}
+
+std::vector<const MapPoint*> Neighbourhood::LandmarksByFeature(const KeyFrame& keyframe,
+                                                               const Neighbourhood& other) const {
+  std::vector<const MapPoint*> landmarks(keyframe.landmarks.size(), nullptr);
+  for (size_t i = 0; i < landmarks.size(); ++i) {
+    if (!keyframe.landmarks[i].IsValid()) continue;
+    const MapPoint& point = map_.point(keyframe.landmarks[i]);
+    if (&map_ != &other.map_ || !other.Sees(point)) landmarks[i] = &point;
+  }
+  return landmarks;
+}
+
+std::vector<const MapPoint*> Neighbourhood::Landmarks(const Neighbourhood& other) const {
+  std::vector<const MapPoint*> landmarks;
+  std::unordered_set<MapPointId> seen;
+  seen.reserve(keyframes_.size() * 200);  // about as many are new in each
+  for (const KeyFrame* keyframe : keyframes_) {
+    for (const MapPointId id : keyframe->landmarks) {
+      if (!id.IsValid() || !seen.insert(id).second) continue;
+      const MapPoint& point = map_.point(id);
+      if (&map_ != &other.map_ || !other.Sees(point)) landmarks.push_back(&point);
+    }
+  }
+  return landmarks;
 }
 
 }  // namespace portolan

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstddef>
-#include <unordered_set>
 #include <vector>
 
 #include "map/map.h"
@@ -14,19 +13,29 @@ struct NeighbourhoodOptions {
   size_t most = 25;              ///< keyframes in all: bounds the time
 };
 
-/// A keyframe with the keyframes around it and all their landmarks: one side of a place. Points into the map: valid as
-/// long as that does not change.
-struct Neighbourhood {
+/// A keyframe and the keyframes around it: one side of a place. Points into the map: valid as long as that does not
+/// change.
+class Neighbourhood {
+ public:
   Neighbourhood(const Map& map, KeyFrameId keyframe, const NeighbourhoodOptions& options);
 
-  const KeyFrame& keyframe() const { return *keyframes.front(); }
-  bool Sees(MapPointId id) const { return ids.count(id) == 1; }
-  /// Leaves out the landmarks that the other side sees too: they say nothing about whether the two are one place.
-  void Remove(const std::unordered_set<MapPointId>& seen_by_other_side);
+  const KeyFrame& keyframe() const { return *keyframes_.front(); }
+  /// The keyframe, its covisible ones, theirs.
+  const std::vector<const KeyFrame*>& keyframes() const { return keyframes_; }
+  /// Whether one of its keyframes sees a landmark.
+  bool Sees(const MapPoint& landmark) const;
 
-  std::vector<const KeyFrame*> keyframes;   ///< the keyframe, its covisible ones, theirs
-  std::vector<const MapPoint*> landmarks;   ///< each once, in the order in which the keyframes see them
-  std::unordered_set<MapPointId> ids;       ///< of the landmarks
+  /// What counts between this side and another: landmarks that the other side does not see too, for those say nothing
+  /// about whether the two are one place.
+  /// @return one per feature of the keyframe (of this side), null where there is none.
+  std::vector<const MapPoint*> LandmarksByFeature(const KeyFrame& keyframe, const Neighbourhood& other) const;
+  /// @return those of all keyframes, each once, in the order in which the keyframes see them.
+  std::vector<const MapPoint*> Landmarks(const Neighbourhood& other) const;
+
+ private:
+  const Map& map_;
+  std::vector<const KeyFrame*> keyframes_;
+  std::vector<KeyFrameId> sorted_ids_;
 };
 
 }  // namespace portolan

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <unordered_set>
 
 #include "base/time.h"
 #include "place_recognition/place_matching.h"
@@ -44,11 +45,7 @@ class Verification {
                const Sim3VerificationOptions& options)
       : options_(options),
         query_(query_map, query, options.neighbourhood),
-        candidate_(candidate_map, candidate, options.neighbourhood) {
-    const std::unordered_set<MapPointId> seen_by_query = query_.ids;
-    query_.Remove(candidate_.ids);
-    candidate_.Remove(seen_by_query);
-  }
+        candidate_(candidate_map, candidate, options.neighbourhood) {}
 
   Status MatchWords() {
     pairs_ = MatchByWords(query_, candidate_, options_.word_keyframes, options_.words);
@@ -68,7 +65,9 @@ class Verification {
   }
 
   Status RefineGuided() {
-    pairs_ = MatchByProjection(query_, candidate_, QueryMapFromCandidateMap(), options_.guided);
+    query_landmarks_ = query_.Landmarks(candidate_);
+    candidate_landmarks_ = candidate_.Landmarks(query_);
+    pairs_ = MatchByProjection(query_, candidate_, candidate_landmarks_, QueryMapFromCandidateMap(), options_.guided);
     Sim3OptimizationOptions refinement;
     refinement.fix_scale = options_.fix_scale;
     const Sim3OptimizationResult refined =
@@ -88,17 +87,19 @@ class Verification {
   /// The candidate side's landmarks in the query, the query side's in the candidate.
   Status SearchWide() {
     const Sim3d query_map_from_candidate_map = QueryMapFromCandidateMap();
+    const Rigid3d query_from_query_map = query_.keyframe().camera_from_map;
+    const Rigid3d candidate_from_candidate_map = candidate_.keyframe().camera_from_map;
     const LandmarkSearchResult in_query =
-        Find(candidate_, TransformPose(query_.keyframe().camera_from_map, query_map_from_candidate_map.Inverse()), query_);
+        Find(candidate_landmarks_, TransformPose(query_from_query_map, query_map_from_candidate_map.Inverse()), query_);
     const LandmarkSearchResult in_candidate =
-        Find(query_, TransformPose(candidate_.keyframe().camera_from_map, query_map_from_candidate_map), candidate_);
+        Find(query_landmarks_, TransformPose(candidate_from_candidate_map, query_map_from_candidate_map), candidate_);
     PlaceEvidence& e = evidence();
     e.query_visible = in_query.visible;
     e.query_found = place_.group_inliers = static_cast<int>(in_query.found.size());
     e.candidate_visible = in_candidate.visible;
     e.candidate_found = static_cast<int>(in_candidate.found.size());
-    e.query_own_share = Find(query_, query_.keyframe().camera_from_map, query_).Share();
-    e.candidate_own_share = Find(candidate_, candidate_.keyframe().camera_from_map, candidate_).Share();
+    e.query_own_share = Find(query_landmarks_, query_from_query_map, query_).Share();
+    e.candidate_own_share = Find(candidate_landmarks_, candidate_from_candidate_map, candidate_).Share();
     e.spread = SpreadOf(in_query.found, *query_.keyframe().data);
     e.median_error_px = MedianError(in_query.found);
     AddSeen(in_query.found);
@@ -109,10 +110,10 @@ class Verification {
   Status AskNeighbours() {
     const Sim3d candidate_map_from_query_map = QueryMapFromCandidateMap().Inverse();
     PlaceEvidence& e = evidence();
-    for (size_t k = 1; k < query_.keyframes.size() && k <= options_.consistency_keyframes; ++k) {
-      const KeyFrame& neighbour = *query_.keyframes[k];
+    for (size_t k = 1; k < query_.keyframes().size() && k <= options_.consistency_keyframes; ++k) {
+      const KeyFrame& neighbour = *query_.keyframes()[k];
       const LandmarkSearchResult found =
-          FindLandmarks(candidate_.landmarks, TransformPose(neighbour.camera_from_map, candidate_map_from_query_map),
+          FindLandmarks(candidate_landmarks_, TransformPose(neighbour.camera_from_map, candidate_map_from_query_map),
                         *neighbour.data, options_.wide);
       if (found.visible < options_.min_asked_visible) continue;
       ++e.asked;
@@ -133,8 +134,9 @@ class Verification {
            Sim3d(candidate_.keyframe().camera_from_map);
   }
 
-  LandmarkSearchResult Find(const Neighbourhood& landmarks, const Rigid3d& camera_from_map, const Neighbourhood& in) const {
-    return FindLandmarks(landmarks.landmarks, camera_from_map, *in.keyframe().data, options_.wide);
+  LandmarkSearchResult Find(const std::vector<const MapPoint*>& landmarks, const Rigid3d& camera_from_map,
+                            const Neighbourhood& in) const {
+    return FindLandmarks(landmarks, camera_from_map, *in.keyframe().data, options_.wide);
   }
 
   Status CheckWide() const {
@@ -158,7 +160,7 @@ class Verification {
       landmarks.insert(landmark);
     }
     for (const FoundLandmark& f : found) {
-      const MapPointId id = candidate_.landmarks[f.landmark]->id;
+      const MapPointId id = candidate_landmarks_[f.landmark]->id;
       if (features.count(f.feature) == 1 || landmarks.count(id) == 1) continue;
       place_.seen.emplace_back(f.feature, id);
     }
@@ -166,6 +168,7 @@ class Verification {
 
   const Sim3VerificationOptions& options_;
   Neighbourhood query_, candidate_;
+  std::vector<const MapPoint*> query_landmarks_, candidate_landmarks_;  // of each side, but for those that both see
   std::vector<LandmarkPair> pairs_;
   VerifiedPlace place_;
 };
@@ -196,7 +199,6 @@ Result<VerifiedPlace> VerifyPlace(const Map& query_map, KeyFrameId query, const 
     watch.Restart();
   };
   Verification verification(query_map, query, candidate_map, candidate, options);
-  note("verify_gather");
   using Step = Status (Verification::*)();
   constexpr std::pair<const char*, Step> kSteps[] = {{"verify_words", &Verification::MatchWords},
                                                      {"verify_ransac", &Verification::EstimateByRansac},

@@ -252,7 +252,7 @@ TEST(VerifyPlaceTest, TellsTheTimesOfItsSteps) {
   const TwoMaps maps(MakeTwoPasses(SceneOptions()));
   StageTimes times;
   ASSERT_TRUE(VerifyPlace(maps.query, maps.query_id, maps.candidate, maps.candidate_id, {}, nullptr, &times).ok());
-  for (const char* step : {"verify_gather", "verify_words", "verify_ransac", "verify_refine", "verify_wide", "verify_neighbours"}) {
+  for (const char* step : {"verify_words", "verify_ransac", "verify_refine", "verify_wide", "verify_neighbours"}) {
     EXPECT_EQ(times.samples().count(step), 1u) << step;
   }
 }
