@@ -5,7 +5,7 @@
 #include <unordered_set>
 
 #include "base/time.h"
-#include "mapping/correction.h"
+#include "map_optimization/map_correction.h"
 #include "mapping/lens_refinement.h"
 #include "mapping/map_initialization.h"
 #include "mapping/point_creation.h"

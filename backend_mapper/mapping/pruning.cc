@@ -4,7 +4,7 @@
 #include <cmath>
 #include <set>
 
-#include "mapping/keyframe_view.h"
+#include "map/keyframe_view.h"
 #include "mapping/newest_keyframes.h"
 
 namespace portolan {

@@ -93,7 +93,8 @@ struct MapCorrection {
   std::string kind;  ///< "loop", "fba", "global_ba", "fusion"
   std::vector<KeyFrameCorrection> keyframes;
   std::vector<PointCorrection> points;
-  std::vector<std::pair<MapPointId, MapPointId>> merges;  ///< (from, into)
+  std::vector<std::pair<MapPointId, MapPointId>> merges;         ///< (from, into), in order
+  std::vector<std::pair<MapPointId, Observation>> observations;  ///< to add, after the merges
   std::vector<std::pair<KeyFrameId, KeyFrameId>> loop_edges;
 };
 

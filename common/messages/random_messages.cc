@@ -125,6 +125,7 @@ MapCorrection RandomCorrection(Random* random) {
   for (int i = 0; i < 100; ++i)
     correction.points.push_back({RandomId<MapPointId>(random), RandomVector(random).cast<float>()});
   correction.merges = {{MapPointId(1, 2, 3), MapPointId(1, 2, 4)}};
+  correction.observations = {{MapPointId(1, 2, 4), Observation{KeyFrameId(1, 2, 3), 17}}};
   correction.loop_edges = {{KeyFrameId(1, 2, 3), KeyFrameId(1, 2, 4)}};
   return correction;
 }
