@@ -203,8 +203,8 @@ bool LoopCorrector::IsWelded(MapPointId id) const {
 /// the point lies at the rim of the window and loses more than it gains: it follows its keyframe instead.
 bool LoopCorrector::IsGivenOut(const MapPoint& point) const {
   const auto is_inside = [&](const Observation& o) { return welded_.count(o.keyframe) == 1; };
-  return IsWelded(point.id) || (IsSeenBy(point, in_window_) &&
-                                std::all_of(point.observations.begin(), point.observations.end(), is_inside));
+  return IsWelded(point.id) ||
+         (IsSeenBy(point, in_window_) && std::all_of(point.observations.begin(), point.observations.end(), is_inside));
 }
 
 int LoopCorrector::CountWelded() const {
