@@ -168,6 +168,17 @@ BundleSummary AdjustBundle(BundleProblem* problem, const BundleOptions& options,
   return result;
 }
 
+BundleSummary AdjustBundleGradually(BundleProblem* problem, const BundleOptions& options, const std::atomic<bool>* stop) {
+  BundleOptions wide = options;
+  wide.loss_width = kWideLossWidth;
+  wide.max_iterations = options.max_iterations / 2;
+  const BundleSummary first = AdjustBundle(problem, wide, stop);
+  if (!first.converged_or_stopped || first.interrupted) return first;
+  BundleOptions narrow = options;
+  narrow.max_iterations = options.max_iterations - wide.max_iterations;
+  return AdjustBundle(problem, narrow, stop);
+}
+
 double NormalizedSquaredError(const BundleProblem& problem, const BundleProblem::Measurement& measurement) {
   const BundleProblem::Pose& pose = problem.poses[measurement.pose];
   const Eigen::Vector3d point_in_camera = pose.camera_from_map * problem.points_in_map[measurement.point];

@@ -9,6 +9,7 @@ namespace portolan {
 namespace {
 
 constexpr size_t kMaxRefusals = 500;  // kept for the report
+constexpr int kMaxForwardPatience = 8;
 
 const char* Name(LoopCloser::JobKind kind) {
   switch (kind) {
@@ -108,7 +109,7 @@ void LoopCloser::OnLoop(const Map& map, const DetectedLoop& loop) {
 }
 
 bool LoopCloser::IsForwardDue() const {
-  return options_.enabled && options_.forward_ba && ready_.empty() && keyframes_since_forward_ >= options_.forward_every_keyframes;
+  return options_.enabled && options_.forward_ba && ready_.empty() && keyframes_since_forward_ >= forward_patience_ * options_.forward_every_keyframes;
 }
 
 std::optional<LoopCloser::Job> LoopCloser::NextJob() {
@@ -183,6 +184,7 @@ void LoopCloser::OnJobDone(JobResult result) {
   if (!result.correction) {
     spdlog::info("{} of map {} came to nothing: {}", Name(result.kind), ToString(result.map), result.correction.error().message);
     if (result.kind == JobKind::kLoop) FinishClosure(result.correction.error().message);
+    if (result.kind == JobKind::kForwardBundleAdjustment) forward_patience_ = std::min(2 * forward_patience_, kMaxForwardPatience);
     return;
   }
   outbox_ = std::move(*result.correction);
@@ -206,7 +208,10 @@ void LoopCloser::OnAnswered(const MapperState& state) {
   if (!problem.empty()) spdlog::warn("the owner refused the {}: {}", Name(kind), problem);
   if (kind == JobKind::kLoop) FinishClosure(problem);
   if (kind == JobKind::kGlobalBundleAdjustment && problem.empty()) ++counters_.global_ba;
-  if (kind == JobKind::kForwardBundleAdjustment && problem.empty()) ++counters_.forward_ba;
+  if (kind == JobKind::kForwardBundleAdjustment && problem.empty()) {
+    ++counters_.forward_ba;
+    forward_patience_ = 1;
+  }
 }
 
 void LoopCloser::ForgetCorrection(const std::string& reason) {

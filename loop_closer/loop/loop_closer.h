@@ -136,6 +136,7 @@ class LoopCloser {
   Revision corrected_revision_ = 0;  // at which the map has the last correction
   std::optional<MapId> wants_global_;  // after a loop
   int keyframes_since_forward_ = 0;
+  int forward_patience_ = 1;  // times options_.forward_every_keyframes: longer where FBA does not improve on the local BA
   uint64_t next_number_ = 1;
 
   std::vector<ClosureRecord> closures_;
