@@ -1,5 +1,6 @@
 #include "map_optimization/global_bundle_adjustment.h"
 
+#include <unordered_set>
 #include <utility>
 #include <vector>
 
@@ -28,14 +29,16 @@ Result<MapCorrection> AdjustGlobally(const Map& map, const KeyFrameAdjustmentOpt
   auto adjusted = AdjustKeyFrames(map, ids, options, stop);
   if (!adjusted.ok()) return Error{"global BA: " + adjusted.error().message};
   MapCorrection correction = EmptyCorrection(map, "global_ba");
+  std::unordered_set<KeyFrameId> held;
   for (const KeyFrameId id : ids) {
     const auto found = adjusted->camera_from_map.find(id);
-    if (found != adjusted->camera_from_map.end()) correction.keyframes.push_back({id, found->second});
+    if (found == adjusted->camera_from_map.end()) continue;
+    correction.keyframes.push_back({id, found->second});
+    held.insert(id);
   }
   correction.points = std::move(adjusted->points);
-  KeepFrame(map, &correction);
-  if (Status improves = CheckImproves(correction, map); !improves.ok()) {
-    return Error{"global BA: " + improves.error().message};
+  if (Status done = CompleteCorrection(map, held, options.followers, stop, &correction); !done.ok()) {
+    return Error{"global BA: " + done.error().message};
   }
   if (times != nullptr) times->Add("global_ba", watch.Milliseconds());
   return correction;

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <unordered_map>
+#include <unordered_set>
 
 #include "map_optimization/map_correction.h"
 #include "map_optimization/reprojection_error.h"
@@ -65,7 +66,6 @@ TEST_F(GlobalBundleTest, AFewLandmarksOfEachKeyFrameAreEnoughForThePoses) {
   const MapError before = CompareWithScene(map_, scene_);
   const auto correction = AdjustGlobally(map_, options_, nullptr, nullptr);
   ASSERT_TRUE(correction.ok()) << correction.error().message;
-  EXPECT_LT(correction->points.size(), map_.points().size() / 2);
   const MapError after = CompareWithScene(Corrected(*correction), scene_);
   EXPECT_LT(after.camera_rmse, 0.2 * before.camera_rmse);
 }
@@ -123,15 +123,16 @@ TEST_F(GlobalBundleTest, AKeyFrameThatNothingHoldsFollows) {
 }
 
 TEST_F(GlobalBundleTest, WhatMakesTheMapWorseIsRefused) {
-  Build(0, 0, 0);
   MapCorrection correction = EmptyCorrection(map_, "global_ba");
+  std::unordered_set<KeyFrameId> held;
   for (const auto& [id, keyframe] : map_.keyframes()) {
-    const double shift = id == map_.keyframes().begin()->first ? 0.0 : 0.02 * static_cast<double>(id.value % 2);
+    const double shift = id == map_.keyframes().begin()->first ? 0.0 : 0.03 * static_cast<double>(id.value % 2);
     correction.keyframes.push_back({id, Sim3d(Rigid3d({1, 0, 0, 0}, {shift, 0, 0}) * keyframe.camera_from_map)});
+    held.insert(id);
   }
-  const Status improves = CheckImproves(correction, map_);
-  ASSERT_FALSE(improves.ok());
-  EXPECT_THAT(improves.error().message, HasSubstr("would rise"));
+  const Status done = CompleteCorrection(map_, held, options_.followers, nullptr, &correction);
+  ASSERT_FALSE(done.ok());
+  EXPECT_THAT(done.error().message, HasSubstr("loss would be"));
 }
 
 TEST_F(GlobalBundleTest, RefusesASmallMap) {

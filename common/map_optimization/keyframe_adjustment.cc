@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <unordered_set>
 #include <utility>
 
@@ -47,6 +48,13 @@ BundleWindow MakeWindow(const Map& map, const std::vector<KeyFrameId>& keyframes
   return window;
 }
 
+/// Mean reprojection loss of the map once the correction is applied.
+double LossAfter(const MapCorrection& correction, const Map& map) {
+  Map corrected = map;
+  const auto applied = ApplyMapCorrection(correction, &corrected);
+  return applied.ok() ? MeanReprojectionLoss(corrected) : std::numeric_limits<double>::infinity();
+}
+
 }  // namespace
 
 std::vector<MapPointId> SelectLandmarks(const Map& map, const std::vector<KeyFrameId>& keyframes, int per_keyframe) {
@@ -82,7 +90,7 @@ Result<AdjustedKeyFrames> AdjustKeyFrames(const Map& map, const std::vector<KeyF
   bundle.function_tolerance = options.function_tolerance;
   AdjustedKeyFrames result;
   result.measurements = static_cast<int>(problem.problem.measurements.size());
-  result.summary = AdjustBundle(&problem.problem, bundle, stop);
+  result.summary = AdjustBundleGradually(&problem.problem, bundle, stop);
   if (result.summary.interrupted) return Error{"interrupted"};
   if (!result.summary.converged_or_stopped) return Error{"the BA failed"};
 
@@ -121,12 +129,19 @@ void KeepFrame(const Map& map, MapCorrection* correction) {
   }
 }
 
-Status CheckImproves(const MapCorrection& correction, const Map& map) {
-  Map corrected = map;
-  if (const auto applied = ApplyMapCorrection(correction, &corrected); !applied.ok()) return applied.error();
-  const double before = MeanReprojectionLoss(map), after = MeanReprojectionLoss(corrected);
-  if (after <= before) return Ok{};
-  return Error{"the mean reprojection loss would rise from " + std::to_string(before) + " to " + std::to_string(after)};
+Status CompleteCorrection(const Map& map, const std::unordered_set<KeyFrameId>& held, const FollowerOptions& options,
+                          const std::atomic<bool>* stop, MapCorrection* correction) {
+  MapCorrection reference = EmptyCorrection(map, correction->kind);
+  for (const auto& keyframe : correction->keyframes) {
+    reference.keyframes.push_back({keyframe.id, Sim3d(map.keyframe(keyframe.id).camera_from_map)});
+  }
+  if (Status refined = RefineFollowers(map, held, options, stop, correction); !refined.ok()) return refined;
+  if (Status refined = RefineFollowers(map, held, options, stop, &reference); !refined.ok()) return refined;
+  KeepFrame(map, correction);
+  const double without = LossAfter(reference, map), with = LossAfter(*correction, map);
+  if (with < without) return Ok{};
+  return Error{"the mean reprojection loss would be " + std::to_string(with) + ", without it " +
+               std::to_string(without)};
 }
 
 }  // namespace portolan

@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <unordered_map>
+#include <unordered_set>
 #include <vector>
 
 #include "base/ids.h"
@@ -9,6 +10,7 @@
 #include "geometry/sim3.h"
 #include "map/map.h"
 #include "map/protocol.h"
+#include "map_optimization/follower_refinement.h"
 #include "optimization/bundle_adjustment.h"
 
 namespace portolan {
@@ -19,8 +21,9 @@ namespace portolan {
 struct KeyFrameAdjustmentOptions {
   /// Landmarks chosen for a keyframe, at least, where it has as many: they bound memory and time. Others follow.
   int landmarks_per_keyframe = 150;
-  int max_iterations = 10;
+  int max_iterations = 12;  ///< half of them with a wide loss (AdjustBundleGradually)
   double function_tolerance = 1e-4;  ///< relative decrease of the cost at which it is done
+  FollowerOptions followers;
 };
 
 /// Landmarks that at least two of the keyframes see, longest tracks first, until each of these keyframes has its share
@@ -47,8 +50,11 @@ Result<AdjustedKeyFrames> AdjustKeyFrames(const Map& map, const std::vector<KeyF
 /// list nothing is done.
 void KeepFrame(const Map& map, MapCorrection* correction);
 
-/// Whether the map agrees better with what was seen once it is applied, over all observations and not only those that
-/// were optimised; else by how much not.
-Status CheckImproves(const MapCorrection& correction, const Map& map);
+/// Makes a correction of the whole map of one that has all its keyframes and the points of the BA: followers refined
+/// (those not `held`), frame and scale kept.
+/// @return why it is none: "interrupted", or no improvement: the map must agree better with all observations, not only
+/// those that were optimised, than it does when it is refined in the same way without the correction.
+Status CompleteCorrection(const Map& map, const std::unordered_set<KeyFrameId>& held, const FollowerOptions& options,
+                          const std::atomic<bool>* stop, MapCorrection* correction);
 
 }  // namespace portolan

@@ -55,7 +55,8 @@ std::vector<KeyFrameId> FindForwardPoseTree(const Map& map, KeyFrameId current, 
   choice.Take(current);
   std::vector<KeyFrameId> tree = {current};
   std::unordered_set<KeyFrameId> reached = {current};
-  std::deque<std::pair<KeyFrameId, KeyFrameId>> open = {{current, current}};  // keyframe, last one of the tree before it
+  std::deque<std::pair<KeyFrameId, KeyFrameId>> open = {
+      {current, current}};  // keyframe, last one of the tree before it
   for (; !open.empty(); open.pop_front()) {
     const auto [keyframe, last] = open.front();
     const BowVector& last_bow = map.keyframe(last).data->bow;
@@ -92,9 +93,9 @@ Result<MapCorrection> AdjustForward(const Map& map, KeyFrameId current,
   MapCorrection correction = EmptyCorrection(map, "fba");
   for (const KeyFrameId id : graph.keyframes) correction.keyframes.push_back({id, graph.camera_from_map(id)});
   correction.points = std::move(adjusted->points);
-  KeepFrame(map, &correction);
-  if (Status improves = CheckImproves(correction, map); !improves.ok()) {
-    return Error{"FBA: " + improves.error().message};
+  // None is held: those of the tree, too, fit in better with all that they see than with what BA used of it.
+  if (Status done = CompleteCorrection(map, {}, options.adjustment.followers, stop, &correction); !done.ok()) {
+    return Error{"FBA: " + done.error().message};
   }
   if (times != nullptr) times->Add("fba", watch.Milliseconds());
   return correction;
