@@ -58,17 +58,13 @@ TEST_F(RunTest, TwoLockstepRunsGiveTheSameBytes) {
 }
 
 TEST_F(RunTest, EveryProgramTellsWhatItWasBuiltFrom) {
-  const auto build_of = [&](const std::string& program) {
+  for (const char* program : {"portolan_frontend_tracker", "portolan_backend_mapper", "portolan_loop_closer",
+                              "portolan_atlas_server", "portolan_vocabulary", "portolan_synth", "portolan_eval",
+                              "portolan_play", "portolan_pipeline_run", "portolan_orb_time"}) {
     const Ended ended = RunToEnd({Program(program), "--version"});
     EXPECT_EQ(ended.code, 0) << program;
-    EXPECT_EQ(ended.output.rfind(program + " ", 0), 0u) << ended.output;
-    return ended.output.substr(std::min(ended.output.size(), program.size()));
-  };
-  const std::string build = build_of("portolan_frontend_tracker");
-  for (const char* program :
-       {"portolan_backend_mapper", "portolan_loop_closer", "portolan_atlas_server", "portolan_vocabulary",
-        "portolan_synth", "portolan_eval", "portolan_play", "portolan_pipeline_run", "portolan_orb_time"}) {
-    EXPECT_EQ(build_of(program), build);
+    // Programs of one installation may be of several commits: packages are built one by one.
+    EXPECT_THAT(ended.output, ::testing::MatchesRegex(std::string(program) + " [0-9.]+ ([0-9a-f]+ )?[A-Za-z]+\n"));
   }
 }
 
