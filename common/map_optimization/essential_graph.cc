@@ -1,12 +1,16 @@
 #include "map_optimization/essential_graph.h"
 
 #include <algorithm>
+#include <cmath>
 #include <set>
 
 #include "base/check.h"
 
 namespace portolan {
 namespace {
+
+constexpr int kFewestCommon = 5;        // an edge of the spanning tree counts for something, whatever was pruned since
+constexpr double kUsualCommon = 100.0;  // landmarks of an edge of weight 1
 
 /// Pairs of keyframes that the map itself connects, (older, younger), each once.
 std::set<std::pair<KeyFrameId, KeyFrameId>> CollectPairs(const Map& map, const EssentialGraphOptions& options) {
@@ -38,9 +42,11 @@ uint32_t EssentialGraph::IndexOf(KeyFrameId id) const {
   return static_cast<uint32_t>(found - keyframes.begin());
 }
 
-void EssentialGraph::AddEdge(KeyFrameId a, KeyFrameId b, const Sim3d& b_from_a) {
+void EssentialGraph::AddEdge(KeyFrameId a, KeyFrameId b, const Sim3d& b_from_a, int common) {
+  // The error of a relative pose falls with the square root of the landmarks it was measured by.
+  const double weight = std::sqrt(std::max(common, kFewestCommon) / kUsualCommon);
   const uint32_t j = IndexOf(b);
-  graph.edges.push_back({IndexOf(a), j, b_from_a, 1.0, depths[j]});
+  graph.edges.push_back({IndexOf(a), j, b_from_a, weight, depths[j]});
 }
 
 EssentialGraph MakeEssentialGraph(const Map& map, const std::vector<std::pair<KeyFrameId, KeyFrameId>>& loop_edges,
@@ -56,7 +62,7 @@ EssentialGraph MakeEssentialGraph(const Map& map, const std::vector<std::pair<Ke
     if (a != b && map.FindKeyFrame(a) != nullptr && map.FindKeyFrame(b) != nullptr) pairs.insert(std::minmax(a, b));
   }
   for (const auto& [a, b] : pairs) {
-    result.AddEdge(a, b, Sim3d(map.keyframe(b).camera_from_map * map.keyframe(a).camera_from_map.Inverse()));
+    result.AddEdge(a, b, Sim3d(map.keyframe(b).camera_from_map * map.keyframe(a).camera_from_map.Inverse()), map.Covisibility(a, b));
   }
   return result;
 }

@@ -217,7 +217,7 @@ void LoopCorrector::AddLoopEdges() {
     for (const KeyFrameId j : matched_side_) {
       const bool is_the_loop = i == loop_.current && j == loop_.matched;
       if (!is_the_loop && map_.Covisibility(i, j) < options_.min_loop_common) continue;
-      graph_.AddEdge(j, i, welded_.at(i) * welded_.at(j).Inverse());
+      graph_.AddEdge(j, i, welded_.at(i) * welded_.at(j).Inverse(), std::max(map_.Covisibility(i, j), options_.min_loop_common));
       loop_edges_.emplace_back(i, j);
     }
   }

@@ -137,6 +137,8 @@ void FrontendProcess::OnFrame(PlayedFrame frame) {
   process_times_.Add("wait", MillisecondsSince(frame.available) - output.state.frame_ms);
   Publish(output);
   last_state_ = output.state;
+  spdlog::debug("frame {}: {}, {} of {} points, {} keyframes sent, {:.1f} ms", output.state.frame, InWords(output.state.state), output.state.num_inliers,
+                output.state.num_candidates, output.keyframes.size(), output.state.frame_ms);
   if (output.state.state == TrackingState::kTracking) ++tracked_online_;
   status_.AssertLiveliness();
   ShowProgress(output.state);

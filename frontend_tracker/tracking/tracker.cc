@@ -86,27 +86,48 @@ Eigen::Quaterniond Tracker::EstimateRotation(const Frame& frame, const Eigen::Qu
   return estimate.ok ? estimate.current_from_reference : predicted;
 }
 
-Rigid3d Tracker::PredictPose(const Frame& frame) {
+std::vector<Rigid3d> Tracker::PredictPoses(const Frame& frame) {
   // Translation from the decaying velocity (paper Eq. 1, 2), rotation from the image (Eq. 3-6).
   const Rigid3d by_velocity = velocity_model_.Predict(frame.stamp);
-  if (!options_.use_esm) return by_velocity;
+  if (!options_.use_esm) return {by_velocity};
   const Rigid3d& last = last_frame_->camera_from_map;
   const Eigen::Quaterniond predicted_turn = by_velocity.rotation * last.rotation.conjugate();
   const Eigen::Quaterniond turn = EstimateRotation(frame, lost_frames_ == 0 ? predicted_turn : Eigen::Quaterniond::Identity());
   const Eigen::Quaterniond rotation = (turn * last.rotation).normalized();
   const Eigen::Vector3d centre = by_velocity.TargetOriginInSource();
-  return Rigid3d(rotation, -(rotation * centre));
+  // Beyond the paper: close to a wall ESM takes its passing by for a turn, and then the velocity is right about the rotation too.
+  return {Rigid3d(rotation, -(rotation * centre)), by_velocity};
+}
+
+int Tracker::TrackCoarse(const Map& map, const std::vector<Rigid3d>& predictions, double radius_px, Frame* frame) const {
+  const double enough = options_.map_tracking.min_coarse_share * static_cast<double>(reference_.size());
+  Frame best;  // pose, landmarks and counts alone
+  for (const Rigid3d& predicted : predictions) {
+    const int inliers = map_tracker_.TrackCoarse(map, reference_, predicted, radius_px, frame);
+    if (inliers >= enough) return inliers;
+    if (best.landmarks.empty() || inliers > best.num_inliers) {
+      best.camera_from_map = frame->camera_from_map;
+      best.landmarks = frame->landmarks;
+      best.num_inliers = frame->num_inliers;
+      best.num_candidates = frame->num_candidates;
+    }
+  }
+  frame->camera_from_map = best.camera_from_map;
+  frame->landmarks = std::move(best.landmarks);
+  frame->num_inliers = best.num_inliers;
+  frame->num_candidates = best.num_candidates;
+  return frame->num_inliers;
 }
 
 bool Tracker::TrackByMotion(const Map& map, Frame* frame) {
-  const Rigid3d predicted = PredictPose(*frame);
+  const std::vector<Rigid3d> predictions = PredictPoses(*frame);
   Stopwatch stopwatch;
   const MapTrackingOptions& options = options_.map_tracking;
-  int inliers = map_tracker_.TrackCoarse(map, reference_, predicted, options.coarse_radius_px, frame);
-  if (inliers < options.min_coarse_inliers) inliers = map_tracker_.TrackCoarse(map, reference_, predicted, options.wide_radius_px, frame);
+  int inliers = TrackCoarse(map, predictions, options.coarse_radius_px, frame);
+  if (inliers < options.min_coarse_inliers) inliers = TrackCoarse(map, predictions, options.wide_radius_px, frame);
   stage_times_.Add("coarse", stopwatch.Milliseconds());
   if (inliers < options_.keyframe.min_points) {
-    frame->camera_from_map = predicted;
+    frame->camera_from_map = predictions.front();
     return false;
   }
   stopwatch.Restart();
