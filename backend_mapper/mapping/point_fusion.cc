@@ -11,11 +11,7 @@ namespace portolan {
 namespace {
 
 std::vector<MapPointId> LandmarksOf(const KeyFrame& keyframe) {
-  std::vector<MapPointId> landmarks;
-  for (const MapPointId id : keyframe.landmarks) {
-    if (id.IsValid()) landmarks.push_back(id);
-  }
-  return landmarks;
+  return {keyframe.landmarks.begin(), keyframe.landmarks.end()};
 }
 
 /// Landmarks of several keyframes, each once, in order of first appearance.
@@ -24,7 +20,7 @@ std::vector<MapPointId> LandmarksOf(const Map& map, const std::vector<KeyFrameId
   std::unordered_set<MapPointId> seen;
   for (const KeyFrameId keyframe : keyframes) {
     for (const MapPointId id : map.keyframe(keyframe).landmarks) {
-      if (id.IsValid() && seen.insert(id).second) landmarks.push_back(id);
+      if (seen.insert(id).second) landmarks.push_back(id);
     }
   }
   return landmarks;

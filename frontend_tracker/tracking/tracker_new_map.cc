@@ -99,7 +99,7 @@ void Tracker::BeginTracking() {
   for (Frame* frame : {&pending_pair_->first, &pending_pair_->second}) {
     const KeyFrame& keyframe = map.keyframe(frame->data->id);
     frame->camera_from_map = keyframe.camera_from_map;
-    frame->landmarks = keyframe.landmarks;
+    frame->landmarks = keyframe.landmarks.ByFeature();
     frame->reference = frame->data->id;
     history_.Add(map, *frame, frame == &pending_pair_->second);
   }
