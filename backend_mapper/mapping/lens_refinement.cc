@@ -39,9 +39,7 @@ BundleProblem MakeLensProblem(const Map& map, const LensRefinementOptions& optio
     if (!problem.poses.empty() && keyframe.data->camera != problem.poses.front().camera) continue;
     index.emplace(keyframe_id, static_cast<uint32_t>(problem.poses.size()));
     problem.poses.push_back({keyframe.camera_from_map, keyframe.data->camera, problem.poses.empty()});
-    for (const MapPointId id : keyframe.landmarks) {
-      if (id.IsValid()) ++track_lengths[id];
-    }
+    for (const MapPointId id : keyframe.landmarks) ++track_lengths[id];
   }
   std::vector<std::pair<MapPointId, int>> tracks(track_lengths.begin(), track_lengths.end());
   std::stable_sort(tracks.begin(), tracks.end(), [](const auto& a, const auto& b) { return a.second > b.second; });

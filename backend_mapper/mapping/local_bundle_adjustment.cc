@@ -61,7 +61,7 @@ BundleWindow SelectLocalWindow(const Map& map, KeyFrameId keyframe, const LocalB
   std::unordered_set<MapPointId> seen;
   for (const KeyFrameId id : window.free) {
     for (const MapPointId landmark : map.keyframe(id).landmarks) {
-      if (landmark.IsValid() && seen.insert(landmark).second) window.points.push_back(landmark);
+      if (seen.insert(landmark).second) window.points.push_back(landmark);
     }
   }
   const std::unordered_set<KeyFrameId> inside(window.free.begin(), window.free.end());

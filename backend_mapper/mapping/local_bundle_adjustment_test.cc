@@ -106,7 +106,7 @@ TEST_F(LocalBundle, RemovesGrossErrors) {
   const KeyFrame keyframe = map_.keyframe(id(3));
   std::vector<std::pair<MapPointId, uint32_t>> wrong;
   std::vector<uint32_t> features;
-  for (uint32_t f = 0; f < keyframe.landmarks.size() && features.size() < 20; ++f) {
+  for (uint32_t f = 0; f < keyframe.landmarks.num_features() && features.size() < 20; ++f) {
     const MapPointId landmark = keyframe.landmarks[f];
     if (landmark.IsValid() && map_.point(landmark).observations.size() >= 4) features.push_back(f);
   }

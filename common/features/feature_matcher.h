@@ -25,8 +25,9 @@ struct MatcherOptions {
 };
 
 /// Features of an image by node of the vocabulary tree at the direct index's level: (node id, feature index), sorted.
-/// Flat, as most nodes have a feature or two: 8 bytes a feature, of which a table of lists by node takes 50.
-using NodeFeatures = std::vector<std::pair<uint32_t, uint32_t>>;
+/// Flat and narrow, as every keyframe has one and most nodes a feature or two: 4 bytes a feature, of which a table of
+/// lists by node takes 50.
+using NodeFeatures = std::vector<std::pair<uint16_t, uint16_t>>;
 
 /// Matches features that share a vocabulary node (paper Sec. 2). One to one. `use_first(i)`, `use_second(j)` select
 /// features; null uses all.

@@ -11,6 +11,7 @@
 #include "features/feature_set.h"
 #include "geometry/camera_model.h"
 #include "geometry/rigid3.h"
+#include "map/keyframe_landmarks.h"
 #include "vocabulary/vocabulary.h"
 
 namespace portolan {
@@ -50,7 +51,7 @@ struct KeyFrame {
   std::shared_ptr<const KeyFrameData> data;
   Rigid3d camera_from_map;
   KeyFrameId parent;  ///< in the spanning tree; none for the map's first keyframe
-  std::vector<MapPointId> landmarks;  ///< one per feature, none where the feature is no landmark; mirrors the points' observations
+  KeyFrameLandmarks landmarks;  ///< mirrors the points' observations
 };
 
 }  // namespace portolan

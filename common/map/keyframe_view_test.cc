@@ -15,7 +15,7 @@ TEST(KeyFrameView, PredictsPixelAndOctaveOfWhatItSees) {
   int predicted_count = 0;
   for (const auto& [id, keyframe] : map.keyframes()) {
     const KeyFrameView view(keyframe);
-    for (uint32_t f = 0; f < keyframe.landmarks.size(); ++f) {
+    for (uint32_t f = 0; f < keyframe.landmarks.num_features(); ++f) {
       if (view.IsFree(f)) continue;
       const auto predicted = view.Predict(map.point(keyframe.landmarks[f]));
       if (!predicted) continue;  // on the image border

@@ -62,7 +62,7 @@ void Map::AddKeyFrame(std::shared_ptr<const KeyFrameData> data, const Rigid3d& c
   PORTOLAN_CHECK(!parent.IsValid() || keyframes_.count(parent) == 1) << "parent " << parent << " is not in map " << id_;
   const KeyFrameId id = data->id;
   KeyFrame keyframe;
-  keyframe.landmarks.resize(data->features.size());
+  keyframe.landmarks = KeyFrameLandmarks(data->features.size());
   keyframe.data = std::move(data);
   keyframe.camera_from_map = camera_from_map;
   keyframe.parent = parent;
@@ -89,7 +89,6 @@ void Map::RemoveKeyFrame(KeyFrameId id) {
   PORTOLAN_CHECK(removed.parent.IsValid()) << "the first keyframe of a map can't be removed";
   std::vector<MapPointId> orphans;
   for (const MapPointId landmark : removed.landmarks) {
-    if (!landmark.IsValid()) continue;
     RemoveObservation(landmark, id);
     if (point(landmark).observations.size() < 2) orphans.push_back(landmark);
   }
@@ -149,7 +148,7 @@ void Map::MergePoints(MapPointId from, MapPointId into) {
 bool Map::AddObservation(MapPointId point_id, KeyFrameId keyframe_id, uint32_t feature) {
   MapPoint& point = MutablePoint(point_id);
   KeyFrame& keyframe = MutableKeyFrame(keyframe_id);
-  PORTOLAN_CHECK(feature < keyframe.landmarks.size()) << "feature " << feature << " of keyframe " << keyframe_id;
+  PORTOLAN_CHECK(feature < keyframe.landmarks.num_features()) << "feature " << feature << " of keyframe " << keyframe_id;
   if (keyframe.landmarks[feature].IsValid() || point.FindObservation(keyframe_id) != nullptr) return false;
   LinkObservation(&point, keyframe_id, feature);
   changes_.observations[{point_id, keyframe_id}] = static_cast<int32_t>(feature);
@@ -167,14 +166,14 @@ void Map::RemoveObservation(MapPointId point_id, KeyFrameId keyframe_id) {
 void Map::LinkObservation(MapPoint* point, KeyFrameId keyframe, uint32_t feature) {
   for (const Observation& o : point->observations) covisibility_.Add(keyframe, o.keyframe);
   point->observations.insert(LowerBound(point->observations, keyframe), Observation{keyframe, feature});
-  MutableKeyFrame(keyframe).landmarks[feature] = point->id;
+  MutableKeyFrame(keyframe).landmarks.Set(feature, point->id);
   MarkStale(point, kGeometryStale | kDescriptorStale);
 }
 
 void Map::UnlinkObservation(MapPoint* point, size_t index) {
   const Observation removed = point->observations[index];
   point->observations.erase(point->observations.begin() + static_cast<ptrdiff_t>(index));
-  MutableKeyFrame(removed.keyframe).landmarks[removed.feature] = MapPointId();
+  MutableKeyFrame(removed.keyframe).landmarks.Set(removed.feature, MapPointId());
   for (const Observation& o : point->observations) covisibility_.Remove(removed.keyframe, o.keyframe);
   MarkStale(point, kGeometryStale | kDescriptorStale);
 }
@@ -212,7 +211,6 @@ double Map::MedianDepth(KeyFrameId id) const {
   const KeyFrame& keyframe = this->keyframe(id);
   std::vector<double> depths;
   for (const MapPointId landmark : keyframe.landmarks) {
-    if (!landmark.IsValid()) continue;
     depths.push_back((keyframe.camera_from_map * points_.at(landmark).position_in_map.cast<double>()).z());
   }
   if (depths.empty()) return 0;

@@ -15,7 +15,7 @@ constexpr size_t kMinObservations = 2;  // of a point: with fewer it has no posi
 
 MapDelta::KeyFrameState StateOf(const KeyFrame& keyframe) {
   return {keyframe.data->id, keyframe.camera_from_map, keyframe.parent,
-          static_cast<uint32_t>(keyframe.landmarks.size())};
+          static_cast<uint32_t>(keyframe.landmarks.num_features())};
 }
 
 }  // namespace
@@ -106,7 +106,7 @@ Status Map::Apply(const MapDelta& delta, const FindData& find_data) {
 
 void Map::DropAppearance(KeyFrameId id, std::shared_ptr<const KeyFrameData> bare) {
   KeyFrame& keyframe = MutableKeyFrame(id);
-  PORTOLAN_CHECK(bare->id == id && bare->features.size() == keyframe.landmarks.size()) << "data of " << bare->id;
+  PORTOLAN_CHECK(bare->id == id && bare->features.size() == keyframe.landmarks.num_features()) << "data of " << bare->id;
   keyframe.data = std::move(bare);
 }
 
@@ -141,10 +141,8 @@ void Map::ApplyRemovals(const MapDelta& delta) {
   for (const auto& removed : delta.removed_keyframes) {
     const KeyFrame* keyframe = FindKeyFrame(removed.id);
     if (keyframe == nullptr) continue;
-    const std::vector<MapPointId> landmarks = keyframe->landmarks;
-    for (const MapPointId landmark : landmarks) {
-      if (landmark.IsValid()) RemoveObservation(landmark, removed.id);
-    }
+    const KeyFrameLandmarks landmarks = keyframe->landmarks;
+    for (const MapPointId landmark : landmarks) RemoveObservation(landmark, removed.id);
     keyframes_.erase(removed.id);
     covisibility_.Forget(removed.id);
   }

@@ -103,9 +103,7 @@ void Map::RefreshDerived() {
   for (const KeyFrameId id : moved_keyframes_) {
     const KeyFrame* keyframe = FindKeyFrame(id);
     if (keyframe == nullptr) continue;
-    for (const MapPointId landmark : keyframe->landmarks) {
-      if (landmark.IsValid()) MarkStale(&points_.at(landmark), kGeometryStale);
-    }
+    for (const MapPointId landmark : keyframe->landmarks) MarkStale(&points_.at(landmark), kGeometryStale);
   }
   moved_keyframes_.clear();
   Views views;

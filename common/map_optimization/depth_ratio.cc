@@ -19,8 +19,9 @@ double DepthRatio(const Map& old_map, const Map& new_map, KeyFrameId keyframe,
   const KeyFrame& before = old_map.keyframe(keyframe);
   const KeyFrame& after = new_map.keyframe(keyframe);
   std::vector<double> ratios;
-  for (size_t feature = 0; feature < after.landmarks.size(); ++feature) {
-    const MapPointId old_id = before.landmarks[feature], new_id = after.landmarks[feature];
+  const std::vector<MapPointId> old_ids = before.landmarks.ByFeature(), new_ids = after.landmarks.ByFeature();
+  for (size_t feature = 0; feature < new_ids.size(); ++feature) {
+    const MapPointId old_id = old_ids[feature], new_id = new_ids[feature];
     if (!old_id.IsValid() || !new_id.IsValid() || points.count(new_id) == 0) continue;
     const double old_depth = DepthIn(before, old_map.point(old_id)), new_depth = DepthIn(after, new_map.point(new_id));
     if (old_depth > 0 && new_depth > 0) ratios.push_back(old_depth / new_depth);

@@ -42,9 +42,10 @@ class Refinement {
     Placed& placed = keyframes_.at(id);
     const FeatureSet& features = keyframe.data->features;
     PoseMatches matches;
-    for (size_t feature = 0; feature < keyframe.landmarks.size(); ++feature) {
-      if (!keyframe.landmarks[feature].IsValid()) continue;
-      matches.landmarks_in_map.push_back(positions_.at(keyframe.landmarks[feature]));
+    const std::vector<MapPointId> landmarks = keyframe.landmarks.ByFeature();
+    for (size_t feature = 0; feature < landmarks.size(); ++feature) {
+      if (!landmarks[feature].IsValid()) continue;
+      matches.landmarks_in_map.push_back(positions_.at(landmarks[feature]));
       matches.pixels_px.push_back(features.pixels_px[feature].cast<double>());
       matches.sigmas_px.push_back(placed.sigmas[features.octaves[feature]]);
     }

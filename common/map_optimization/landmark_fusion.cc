@@ -67,7 +67,7 @@ std::vector<MapPointId> LandmarksOf(const Map& map, const std::vector<KeyFrameId
   std::unordered_set<MapPointId> seen;
   for (const KeyFrameId keyframe : keyframes) {
     for (const MapPointId id : map.keyframe(keyframe).landmarks) {
-      if (id.IsValid() && seen.insert(id).second) landmarks.push_back(id);
+      if (seen.insert(id).second) landmarks.push_back(id);
     }
   }
   return landmarks;

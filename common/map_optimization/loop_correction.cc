@@ -128,7 +128,7 @@ void LoopCorrector::FuseGiven() {
   for (const auto& [from, into] : loop_.merges) merge(from, into);
   for (const auto& [feature, id] : loop_.seen) {
     const KeyFrame& current = map_.keyframe(loop_.current);
-    if (feature >= current.landmarks.size() || map_.FindPoint(id) == nullptr) continue;
+    if (feature >= current.landmarks.num_features() || map_.FindPoint(id) == nullptr) continue;
     if (current.landmarks[feature].IsValid()) {
       merge(current.landmarks[feature], id);
     } else if (map_.AddObservation(id, loop_.current, feature)) {

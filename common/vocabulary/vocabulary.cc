@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <utility>
 
+#include "base/check.h"
 #include "vocabulary/vocabulary_file.h"
 #include "vocabulary/vocabulary_storage.h"
 
@@ -49,6 +50,7 @@ std::string Vocabulary::DefaultPath() {
 
 void Vocabulary::Transform(const std::vector<Descriptor>& descriptors, int direct_level, BowVector* bow,
                            NodeFeatures* nodes) const {
+  PORTOLAN_CHECK(descriptors.size() <= kMaxDirectNodes) << descriptors.size() << " descriptors";
   const int node_level = std::max(1, depth_ - direct_level);
   std::vector<std::pair<uint32_t, float>> words;
   NodeFeatures features_by_node;
@@ -58,10 +60,10 @@ void Vocabulary::Transform(const std::vector<Descriptor>& descriptors, int direc
     uint32_t index = 0, node = 0;
     for (int level = 1; nodes_[index].num_children > 0; ++level) {
       index = NearestChild(nodes_, nodes_[index], descriptors[i]);
-      if (level <= node_level) node = index;
+      if (level <= node_level && index < kMaxDirectNodes) node = index;
     }
     if (nodes_[index].weight > 0) words.emplace_back(nodes_[index].word, nodes_[index].weight);
-    features_by_node.emplace_back(node, static_cast<uint32_t>(i));
+    features_by_node.emplace_back(static_cast<uint16_t>(node), static_cast<uint16_t>(i));
   }
   std::sort(words.begin(), words.end());
   *bow = CountWords(words);

@@ -80,6 +80,40 @@ TEST(Vocabulary, DirectIndexNamesTheNodeAtItsLevel) {
   }
 }
 
+/// A root with 256 children of 256 words each: more nodes than a direct index counts.
+std::shared_ptr<const Vocabulary> WideVocabulary() {
+  constexpr uint32_t kChildren = 256;
+  Random random(5);
+  std::vector<Vocabulary::Node> nodes(1 + kChildren + kChildren * kChildren);
+  for (uint32_t i = 0; i < nodes.size(); ++i) {
+    if (i > 0) nodes[i].descriptor = RandomDescriptor(&random);
+    if (i <= kChildren) {
+      nodes[i].first_child = 1 + i * kChildren;
+      nodes[i].num_children = kChildren;
+    } else {
+      nodes[i].weight = 1;
+      nodes[i].word = i - kChildren - 1;
+    }
+  }
+  return VocabularyBuilder::FromNodes(kChildren, 2, std::move(nodes), "test").value();
+}
+
+TEST(Vocabulary, DirectIndexOfAWideTreeStopsAtTheLastNodeThatItCounts) {
+  const auto vocabulary = WideVocabulary();
+  const Vocabulary::Node* tree = VocabularyBuilder::Nodes(*vocabulary);
+  const std::vector<Descriptor> image = {tree[1].descriptor, tree[256].descriptor};
+  const std::vector<uint32_t> first = Descend(*vocabulary, image[0]), last = Descend(*vocabulary, image[1]);
+  ASSERT_LT(first[1], Vocabulary::kMaxDirectNodes);
+  ASSERT_GE(last[1], Vocabulary::kMaxDirectNodes);
+  NodeFeatures expected = {{first[1], 0}, {last[0], 1}};
+  std::sort(expected.begin(), expected.end());
+  BowVector bow;
+  NodeFeatures nodes;
+  vocabulary->Transform(image, 0, &bow, &nodes);
+  EXPECT_EQ(nodes, expected);
+  EXPECT_EQ(bow.size(), 2u);
+}
+
 TEST(Vocabulary, ScoresSimilarImagesHigher) {
   const auto vocabulary = SmallVocabulary();
   const auto images = RandomImages(10, 1);  // the things it was trained on

@@ -15,7 +15,6 @@ MapMotion::MapMotion(const Map& map, KeyFrameId keyframe) {
   keyframe_ = keyframe;
   camera_from_map_ = found->camera_from_map;
   for (const MapPointId id : found->landmarks) {
-    if (!id.IsValid()) continue;
     distances_.emplace_back(id, (camera_from_map_ * map.point(id).position_in_map.cast<double>()).norm());
   }
 }

@@ -73,7 +73,7 @@ void Tracker::BeginTracking() {
   for (Frame* frame : {&frames.first, &frames.second}) {
     const KeyFrame& keyframe = map.keyframe(frame->data->id);
     frame->camera_from_map = keyframe.camera_from_map;
-    frame->landmarks = keyframe.landmarks;
+    frame->landmarks = keyframe.landmarks.ByFeature();
     frame->reference = frame->data->id;
     history_.Add(map, *frame, frame == &frames.second);
   }
