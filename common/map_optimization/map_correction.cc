@@ -121,7 +121,7 @@ std::vector<std::pair<MapPointId, MapPointId>> MergeAll(const MapCorrection& cor
 void AddObservations(const MapCorrection& correction, Map* map) {
   for (const auto& [point, observation] : correction.observations) {
     const KeyFrame* keyframe = map->FindKeyFrame(observation.keyframe);
-    if (keyframe == nullptr || observation.feature >= keyframe->landmarks.size()) continue;
+    if (keyframe == nullptr || observation.feature >= keyframe->landmarks.num_features()) continue;
     if (map->FindPoint(point) != nullptr) map->AddObservation(point, observation.keyframe, observation.feature);
   }
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -11,6 +12,9 @@ namespace portolan {
 struct LandmarkSearchOptions {
   double radius_px = 4.0;  ///< of the window around the predicted pixel, pixels of the predicted pyramid level
   int max_distance = 50;   ///< Hamming distance of a match, of 256 bits
+  // Landmarks that a camera in the right place finds more often than not:
+  double min_viewing_cosine = 0.9;  ///< seen from within 25 degrees of where they were seen from
+  size_t min_observations = 3;      ///< by so many keyframes: established
 };
 
 /// A landmark that was found in an image.
@@ -21,11 +25,25 @@ struct FoundLandmark {
   double error_px = 0;   ///< from the predicted pixel, pixels of the feature's pyramid level
 };
 
+/// How many of the landmarks expected in some part of the image were found there.
+struct ExpectedLandmarks {
+  int expected = 0, found = 0;
+
+  double Share() const { return expected > 0 ? static_cast<double>(found) / expected : 0; }
+};
+
 struct LandmarkSearchResult {
   int visible = 0;                   ///< landmarks that the camera should see, were nothing in between
   std::vector<FoundLandmark> found;  ///< of those, one to one with features, in order of the landmarks
+  ExpectedLandmarks expected;        ///< those of the visible ones that should be found (LandmarkSearchOptions)
+  static constexpr int kColumns = 8, kRows = 6;
+  std::array<ExpectedLandmarks, kColumns * kRows> cells{};  ///< the same by the image's cells
 
-  double Share() const { return visible > 0 ? static_cast<double>(found.size()) / visible : 0; }
+  /// Of the cells in which landmarks are expected (4 or more, to tell anything), the share where as large a part as
+  /// min_share was found.
+  double ShareOfCells(double min_share) const;
+  /// Share of all cells in which a landmark was found.
+  double Spread(const KeyFrameData& image) const;
 };
 
 /// Looks for landmarks of a map in an image whose camera is at camera_from_map (of that map): for each that should be

@@ -2,9 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <set>
-
-#include "place_recognition/neighbourhood.h"
 #include "testing/map_builder.h"
 
 namespace portolan {
@@ -25,7 +22,9 @@ TEST(FindLandmarksTest, FindsWhatTheKeyFrameSees) {
   const std::vector<const MapPoint*> points = PointsOf(map);
   for (const SyntheticView& view : scene.views) {
     const auto result = FindLandmarks(points, view.camera_from_world, *view.data, {});
-    EXPECT_GT(result.Share(), 0.95);
+    EXPECT_GT(result.expected.Share(), 0.95);
+    EXPECT_EQ(result.ShareOfCells(0.5), 1);
+    EXPECT_GT(result.Spread(*view.data), 0.5);
     for (const FoundLandmark& found : result.found) {
       EXPECT_EQ(points[found.landmark]->id, PointOfLandmark(scene, view.landmark_of_feature[found.feature]));
       EXPECT_LT(found.error_px, 0.01);
@@ -51,59 +50,47 @@ TEST(FindLandmarksTest, WhatIsOutOfViewIsNotExpected) {
   const Rigid3d turned_away = Rigid3d(ExpSO3({0, M_PI, 0}), {0, 0, 0}) * scene.views[0].camera_from_world;
   const auto result = FindLandmarks(PointsOf(map), turned_away, *scene.views[0].data, {});
   EXPECT_EQ(result.visible, 0);
-  EXPECT_EQ(result.Share(), 0);
+  EXPECT_EQ(result.expected.Share(), 0);
+  EXPECT_EQ(result.ShareOfCells(0), 0);
+  EXPECT_EQ(result.Spread(*scene.views[0].data), 0);
 }
 
-TEST(NeighbourhoodTest, HoldsTheKeyFrameFirstAndEachLandmarkOnce) {
+TEST(FindLandmarksTest, CellsTellWhereSomethingIsMissing) {
+  // What lies in the left half of the image looks different.
   const SyntheticScene scene = MakeSyntheticScene(SyntheticSceneOptions());
-  const Map map = BuildMap(scene), other_map = map;
-  NeighbourhoodOptions options;
-  options.neighbours = 4;
-  options.second_neighbours = 0;
-  const KeyFrameId id = scene.views[5].data->id;
-  const Neighbourhood side(map, id, options), other(other_map, id, options);
-  EXPECT_EQ(side.keyframe().data->id, id);
-  EXPECT_EQ(side.keyframes().size(), 5u);
-  const std::vector<const MapPoint*> landmarks = side.Landmarks(other);  // of another map: all
-  const std::set<const MapPoint*> once(landmarks.begin(), landmarks.end());
-  EXPECT_EQ(once.size(), landmarks.size());
-  const std::vector<const MapPoint*> by_feature = side.LandmarksByFeature(side.keyframe(), other);
-  for (size_t i = 0; i < by_feature.size(); ++i) {
-    ASSERT_EQ(by_feature[i] != nullptr, side.keyframe().landmarks[i].IsValid());
-    if (by_feature[i] == nullptr) continue;
-    EXPECT_EQ(by_feature[i]->id, side.keyframe().landmarks[i]);
-    EXPECT_EQ(once.count(by_feature[i]), 1u);
+  const Map map = BuildMap(scene);
+  const SyntheticView& view = scene.views[4];
+  Random random(5);
+  std::vector<MapPoint> changed;
+  for (const MapPoint* point : PointsOf(map)) {
+    changed.push_back(*point);
+    const Eigen::Vector3d in_camera = view.camera_from_world * point->position_in_map.cast<double>();
+    if (view.data->camera.Project(in_camera).x() < 320) changed.back().descriptor = RandomDescriptor(&random);
   }
-  options.second_neighbours = 9;  // of a scene all of whose keyframes see each other
-  options.most = 7;
-  EXPECT_EQ(Neighbourhood(map, id, options).keyframes().size(), 7u);
-  options.neighbours = 0;
-  EXPECT_EQ(Neighbourhood(map, id, options).keyframes().size(), 1u);
+  std::vector<const MapPoint*> points;
+  for (const MapPoint& point : changed) points.push_back(&point);
+  const auto result = FindLandmarks(points, view.camera_from_world, *view.data, {});
+  for (size_t cell = 0; cell < result.cells.size(); ++cell) {
+    if (cell % LandmarkSearchResult::kColumns < LandmarkSearchResult::kColumns / 2) EXPECT_EQ(result.cells[cell].found, 0);
+    else EXPECT_GE(result.cells[cell].Share(), result.cells[cell].expected > 0 ? 0.7 : 0);
+  }
+  EXPECT_NEAR(result.ShareOfCells(0.5), 0.5, 0.15);
 }
 
-TEST(NeighbourhoodTest, WhatTheOtherSideOfOneMapSeesDoesNotCount) {
+TEST(FindLandmarksTest, OnlyEstablishedLandmarksSeenFromNearbyAreExpected) {
   const SyntheticScene scene = MakeSyntheticScene(SyntheticSceneOptions());
-  Map map = BuildMap(scene);
-  NeighbourhoodOptions options;
-  options.neighbours = 0;
-  const KeyFrameId first = scene.views[0].data->id, last = scene.views[9].data->id;
-  int seen_by_last = 0;
-  for (const MapPointId id : map.SortedPointIds()) {  // the last keyframe keeps every third landmark
-    if (id.sequence() % 3 != 0) map.RemoveObservation(id, last);
-    else seen_by_last += map.point(id).FindObservation(last) != nullptr ? 1 : 0;
-  }
-  ASSERT_GT(seen_by_last, 50);
-  const Neighbourhood side(map, first, options), other(map, last, options);
-  for (const MapPoint* landmark : side.Landmarks(other)) {
-    EXPECT_FALSE(other.Sees(*landmark));
-    EXPECT_TRUE(side.Sees(*landmark));
-  }
-  const std::vector<const MapPoint*> by_feature = side.LandmarksByFeature(side.keyframe(), other);
-  for (size_t i = 0; i < by_feature.size(); ++i) {
-    const MapPointId id = side.keyframe().landmarks[i];
-    if (!id.IsValid()) continue;
-    EXPECT_EQ(by_feature[i] == nullptr, other.Sees(map.point(id)));
-  }
+  const Map map = BuildMap(scene);
+  const SyntheticView& view = scene.views[4];
+  LandmarkSearchOptions options;
+  const auto all = FindLandmarks(PointsOf(map), view.camera_from_world, *view.data, options);
+  EXPECT_GT(all.expected.expected, 300);
+  options.min_observations = 11;  // one more than there are views
+  EXPECT_EQ(FindLandmarks(PointsOf(map), view.camera_from_world, *view.data, options).expected.expected, 0);
+  options.min_observations = 2;
+  options.min_viewing_cosine = 1.1;
+  const auto none = FindLandmarks(PointsOf(map), view.camera_from_world, *view.data, options);
+  EXPECT_EQ(none.expected.expected, 0);
+  EXPECT_EQ(none.found.size(), all.found.size());
 }
 
 }  // namespace

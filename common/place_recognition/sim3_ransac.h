@@ -12,7 +12,7 @@ struct Sim3RansacOptions {
   int iterations = 300;       ///< triples at most: with 30 % right ones the odds of missing all are 1 in 3000
   double confidence = 0.999;  ///< that a triple of right matches was among those drawn: ends earlier
   double chi2 = 9.21;         ///< squared normalised error of an inlier in each view: 99 % with 2 degrees of freedom
-  int min_inliers = 15;       ///< matches in agreement
+  int min_inliers = 12;       ///< matches in agreement
   bool fix_scale = false;     ///< keeps scale 1
   uint64_t seed = 1;
 };

@@ -81,10 +81,10 @@ TEST(EstimateSim3Test, IsTheSameForTheSameSeed) {
 TEST(EstimateSim3Test, SaysWhatIsMissing) {
   const auto few = Estimate(RandomScene(1, 10, 0));
   ASSERT_FALSE(few.ok());
-  EXPECT_EQ(few.error().message, "RANSAC: 10 matches, expected 15");
+  EXPECT_EQ(few.error().message, "RANSAC: 10 matches, expected 12");
   const auto chance = Estimate(RandomScene(1, 100, 1));
   ASSERT_FALSE(chance.ok());
-  EXPECT_THAT(chance.error().message, HasSubstr("inliers of 100, expected 15"));
+  EXPECT_THAT(chance.error().message, HasSubstr("inliers of 100, expected 12"));
 }
 
 TEST(EstimateSim3Test, PointsOnALineAreRefused) {
@@ -95,7 +95,7 @@ TEST(EstimateSim3Test, PointsOnALineAreRefused) {
   }
   const auto found = Estimate(scene);
   ASSERT_FALSE(found.ok());
-  EXPECT_EQ(found.error().message, "RANSAC: 0 inliers of 50, expected 15");
+  EXPECT_EQ(found.error().message, "RANSAC: 0 inliers of 50, expected 12");
 }
 
 TEST(EstimateSim3Test, PointsBehindTheCameraAreNoInliers) {
@@ -107,7 +107,7 @@ TEST(EstimateSim3Test, PointsBehindTheCameraAreNoInliers) {
   }
   const auto found = Estimate(scene);
   ASSERT_FALSE(found.ok());
-  EXPECT_EQ(found.error().message, "RANSAC: 0 inliers of 50, expected 15");
+  EXPECT_EQ(found.error().message, "RANSAC: 0 inliers of 50, expected 12");
 }
 
 }  // namespace

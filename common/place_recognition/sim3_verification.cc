@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
+#include <cmath>
 #include <unordered_set>
 
 #include "base/time.h"
@@ -12,31 +12,13 @@
 namespace portolan {
 namespace {
 
-constexpr int kSpreadColumns = 8, kSpreadRows = 6;
-
 double MedianError(const std::vector<FoundLandmark>& found) {
   std::vector<double> errors;
   for (const FoundLandmark& landmark : found) errors.push_back(landmark.error_px);
   return errors.empty() ? 0 : Quantile(std::move(errors), 0.5);
 }
 
-/// Share of the image's cells in which a feature lies.
-double SpreadOf(const std::vector<FoundLandmark>& found, const KeyFrameData& image) {
-  std::array<bool, kSpreadColumns * kSpreadRows> is_covered{};
-  for (const FoundLandmark& landmark : found) {
-    const Eigen::Vector2f& pixel_px = image.features.pixels_px[landmark.feature];
-    const float column = pixel_px.x() / static_cast<float>(image.camera.width) * kSpreadColumns;
-    const float row = pixel_px.y() / static_cast<float>(image.camera.height) * kSpreadRows;
-    const int cell = std::clamp(static_cast<int>(row), 0, kSpreadRows - 1) * kSpreadColumns +
-                     std::clamp(static_cast<int>(column), 0, kSpreadColumns - 1);
-    is_covered[static_cast<size_t>(cell)] = true;
-  }
-  const auto covered = std::count(is_covered.begin(), is_covered.end(), true);
-  return static_cast<double>(covered) / static_cast<double>(is_covered.size());
-}
-
-double Ratio(double share, double of) { return of > 0 ? share / of : 0; }
-double Ratio(int part, int whole) { return whole > 0 ? static_cast<double>(part) / whole : 0; }
+double Ratio(double part, double whole) { return whole > 0 ? part / whole : 0; }
 
 /// The steps, one after another; each may end it with a reason.
 class Verification {
@@ -93,15 +75,19 @@ class Verification {
         Find(candidate_landmarks_, TransformPose(query_from_query_map, query_map_from_candidate_map.Inverse()), query_);
     const LandmarkSearchResult in_candidate =
         Find(query_landmarks_, TransformPose(candidate_from_candidate_map, query_map_from_candidate_map), candidate_);
+    const LandmarkSearchResult own_in_query = Find(query_landmarks_, query_from_query_map, query_);
+    const LandmarkSearchResult own_in_candidate = Find(candidate_landmarks_, candidate_from_candidate_map, candidate_);
+    candidate_own_share_ = own_in_candidate.expected.Share();
+    const double query_own_share = own_in_query.expected.Share();
     PlaceEvidence& e = evidence();
-    e.query_visible = in_query.visible;
-    e.query_found = place_.group_inliers = static_cast<int>(in_query.found.size());
-    e.candidate_visible = in_candidate.visible;
-    e.candidate_found = static_cast<int>(in_candidate.found.size());
-    e.query_own_share = Find(query_landmarks_, query_from_query_map, query_).Share();
-    e.candidate_own_share = Find(candidate_landmarks_, candidate_from_candidate_map, candidate_).Share();
-    e.spread = SpreadOf(in_query.found, *query_.keyframe().data);
+    e.in_query = in_query.expected;
+    e.in_candidate = in_candidate.expected;
+    e.share = std::sqrt(Ratio(e.in_query.Share(), candidate_own_share_) * Ratio(e.in_candidate.Share(), query_own_share));
+    e.cells = std::sqrt(in_query.ShareOfCells(options_.cell_share * candidate_own_share_) *
+                        in_candidate.ShareOfCells(options_.cell_share * query_own_share));
+    e.spread = in_query.Spread(*query_.keyframe().data);
     e.median_error_px = MedianError(in_query.found);
+    place_.group_inliers = static_cast<int>(in_query.found.size());
     AddSeen(in_query.found);
     return CheckWide();
   }
@@ -115,10 +101,10 @@ class Verification {
       const LandmarkSearchResult found =
           FindLandmarks(candidate_landmarks_, TransformPose(neighbour.camera_from_map, candidate_map_from_query_map),
                         *neighbour.data, options_.wide);
-      if (found.visible < options_.min_asked_visible) continue;
+      if (found.expected.expected < options_.min_expected) continue;
       ++e.asked;
-      e.shares_asked.push_back(Ratio(found.Share(), e.candidate_own_share));
-      if (e.shares_asked.back() >= options_.min_share) ++e.agreeing;
+      e.shares_asked.push_back(Ratio(found.expected.Share(), candidate_own_share_));
+      if (e.shares_asked.back() >= options_.min_neighbour_share) ++e.agreeing;
     }
     if (e.agreeing >= options_.min_agreeing) return Ok{};
     return Error{fmt::format("{} of {} covisible keyframes agree, expected {}", e.agreeing, e.asked, options_.min_agreeing)};
@@ -141,11 +127,22 @@ class Verification {
 
   Status CheckWide() const {
     const PlaceEvidence& e = place_.evidence;
-    if (e.query_found < options_.min_group_inliers)
-      return Error{fmt::format("{} landmarks around the candidate found, expected {}", e.query_found, options_.min_group_inliers)};
-    if (e.Share() < options_.min_share) {
-      return Error{fmt::format("{:.0f} % of what should be in view found ({} of {}, back {} of {}), expected {:.0f} %", 100 * e.Share(),
-                               e.query_found, e.query_visible, e.candidate_found, e.candidate_visible, 100 * options_.min_share)};
+    const std::string counts = fmt::format("{} of {}, back {} of {}", e.in_query.found, e.in_query.expected,
+                                           e.in_candidate.found, e.in_candidate.expected);
+    if (place_.group_inliers < options_.min_group_inliers) {
+      return Error{fmt::format("{} landmarks around the candidate found, expected {}", place_.group_inliers,
+                               options_.min_group_inliers)};
+    }
+    if (std::min(e.in_query.expected, e.in_candidate.expected) < options_.min_expected)
+      return Error{fmt::format("too few landmarks in view to judge by ({}), expected {}", counts, options_.min_expected)};
+    if (e.share < options_.min_share) {
+      return Error{fmt::format("{:.0f} % of what should be in view found ({}), expected {:.0f} %", 100 * e.share, counts,
+                               100 * options_.min_share)};
+    }
+    if (e.WeightedInliers() < options_.min_weighted_inliers) {
+      return Error{fmt::format("{:.0f} weighted inliers, expected {:.0f}: {} inliers, {:.0f} % of what should be in view ({}) in {:.0f} % "
+                               "of the image's cells",
+                               e.WeightedInliers(), options_.min_weighted_inliers, e.inliers, 100 * e.share, counts, 100 * e.cells)};
     }
     if (e.spread < options_.min_spread)
       return Error{fmt::format("found in {:.0f} % of the image, expected {:.0f} %", 100 * e.spread, 100 * options_.min_spread)};
@@ -169,25 +166,22 @@ class Verification {
   const Sim3VerificationOptions& options_;
   Neighbourhood query_, candidate_;
   std::vector<const MapPoint*> query_landmarks_, candidate_landmarks_;  // of each side, but for those that both see
+  double candidate_own_share_ = 0;  // of its side's landmarks that should be found, those that the candidate finds
   std::vector<LandmarkPair> pairs_;
   VerifiedPlace place_;
 };
 
 }  // namespace
 
-double PlaceEvidence::Share() const {
-  return std::min(Ratio(Ratio(query_found, query_visible), candidate_own_share),
-                  Ratio(Ratio(candidate_found, candidate_visible), query_own_share));
-}
-
 std::string ToString(const PlaceEvidence& e) {
   std::string asked;
   for (const double share : e.shares_asked) asked += fmt::format(" {:.0f}", 100 * share);
   return fmt::format(
-      "{} by words, RANSAC {}, {} inliers, found {} of {} and back {} of {}: {:.0f} %, in {:.0f} % of the image, error {:.1f} px, {} of {} "
-      "keyframes agree ({} %)",
-      e.word_matches, e.ransac_inliers, e.inliers, e.query_found, e.query_visible, e.candidate_found, e.candidate_visible, 100 * e.Share(),
-      100 * e.spread, e.median_error_px, e.agreeing, e.asked, asked.empty() ? "none" : asked.substr(1));
+      "{} by words, RANSAC {}, {} inliers, found {} of {} and back {} of {}: {:.0f} %, in {:.0f} % of the cells: {:.0f} weighted inliers; "
+      "in {:.0f} % of the image, error {:.1f} px, {} of {} keyframes agree ({} %)",
+      e.word_matches, e.ransac_inliers, e.inliers, e.in_query.found, e.in_query.expected, e.in_candidate.found, e.in_candidate.expected,
+      100 * e.share, 100 * e.cells, e.WeightedInliers(), 100 * e.spread, e.median_error_px, e.agreeing, e.asked,
+      asked.empty() ? "none" : asked.substr(1));
 }
 
 Result<VerifiedPlace> VerifyPlace(const Map& query_map, KeyFrameId query, const Map& candidate_map,

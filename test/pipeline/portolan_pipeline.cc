@@ -11,6 +11,7 @@
 #include "dataset/image_source.h"
 #include "dataset/trajectory_io.h"
 #include "mapping/mapper_config.h"
+#include "pipeline/map_file.h"
 #include "pipeline/pipeline.h"
 #include "tracking/tracker_config.h"
 #include "version/version.h"
@@ -19,7 +20,7 @@ namespace portolan {
 namespace {
 
 int Run(const SourceOptions& source_options, const std::string& out, const TrackerOptions& tracker_options, const MapperOptions& mapper_options,
-        const LoopOptions& loop_options, int every) {
+        const LoopOptions& loop_options, int every, const std::string& maps_file) {
   auto vocabulary = Vocabulary::Open(Vocabulary::DefaultPath());
   if (!vocabulary) {
     spdlog::error("{}", vocabulary.error().message);
@@ -62,6 +63,14 @@ int Run(const SourceOptions& source_options, const std::string& out, const Track
       return 1;
     }
   }
+  if (!maps_file.empty()) {
+    std::vector<const Map*> maps;
+    for (const auto& [id, mapper] : pipeline.mappers()) maps.push_back(&mapper->map());
+    if (Status status = SaveMaps(maps_file, maps); !status) {
+      spdlog::error("{}", status.error().message);
+      return 1;
+    }
+  }
   std::printf("frames %zu online %zu trajectory %zu keyframes sent %zu\n", static_cast<size_t>(frames), static_cast<size_t>(tracked),
               trajectory.size(), static_cast<size_t>(pipeline.tracker().num_keyframes_sent()));
   for (const auto& [id, mapper] : pipeline.mappers()) {
@@ -86,12 +95,13 @@ int main(int argc, char** argv) {
   portolan::TrackerOptions tracker;
   portolan::MapperOptions mapper;
   portolan::LoopOptions loop;
-  std::string out = ".", level = "info";
+  std::string out = ".", level = "info", maps;
   int every = 1;
   std::vector<std::string> sets;
   app.add_option("--data", source.data, "data set folder")->required();
   app.add_option("--camera", source.camera_file);
   app.add_option("--out", out);
+  app.add_option("--save-maps", maps, "write the finished maps into this file");
   app.add_option("--log", level);
   app.add_option("--every", every, "take every n-th frame");
   app.add_option("--first", source.first_frame);
@@ -117,5 +127,5 @@ int main(int argc, char** argv) {
     spdlog::error("{}", read.error().message);
     return 2;
   }
-  return portolan::Run(source, out, tracker, mapper, loop, every);
+  return portolan::Run(source, out, tracker, mapper, loop, every, maps);
 }
