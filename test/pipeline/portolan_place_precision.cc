@@ -70,7 +70,7 @@ class Precision {
   /// From the youngest keyframe to the oldest: each is asked, then taken out, so that the map is as it was when it came.
   void Run() {
     for (auto& [id, map] : maps_) {
-      for (const auto& [keyframe, state] : map.keyframes()) index_.Add(keyframe, state.data->bow);
+      for (const auto& [keyframe, state] : map.keyframes()) index_.Add(keyframe, WordsOf(state.data));
     }
     while (!maps_.empty()) {
       const auto youngest = std::max_element(maps_.begin(), maps_.end(), [](const auto& a, const auto& b) {
