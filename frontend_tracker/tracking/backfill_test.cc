@@ -31,7 +31,7 @@ struct Setting {
     const KeyFrame& keyframe = map.keyframe(scene.views[kNumKeyFrames - 1].data->id);
     Frame frame = FrameOfView(scene, kNumKeyFrames - 1);
     frame.camera_from_map = keyframe.camera_from_map;
-    frame.landmarks = keyframe.landmarks;
+    frame.landmarks = keyframe.landmarks.ByFeature();
     return frame;
   }
 };
