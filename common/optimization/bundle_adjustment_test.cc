@@ -107,20 +107,13 @@ TEST(AdjustBundleCasesTest, TheLossHoldsAgainstOutliers) {
   EXPECT_LT(robust_error, 0.2 * plain_error);
 }
 
-TEST(AdjustBundleCasesTest, GradualStartIsCloserAfterFewIterations) {
+TEST(AdjustBundleCasesTest, GradualStartFindsTheTruthFromFarOff) {
   const BundleProblem truth = MakeProblem(8, 2, 200, 0.3, 8);
-  BundleProblem at_once = Disturbed(truth, 9);  // tens of sigmas off
-  BundleProblem gradual = at_once;
-  BundleOptions options;
-  options.max_iterations = 8;
-  ASSERT_TRUE(AdjustBundle(&at_once, options, nullptr).converged_or_stopped);
-  ASSERT_TRUE(AdjustBundleGradually(&gradual, options, nullptr).converged_or_stopped);
-  double at_once_error = 0, gradual_error = 0;
+  BundleProblem problem = Disturbed(truth, 9);  // tens of sigmas off
+  ASSERT_TRUE(AdjustBundleGradually(&problem, Thorough(), nullptr).converged_or_stopped);
   for (size_t i = 0; i < truth.poses.size(); ++i) {
-    at_once_error += (at_once.poses[i].camera_from_map.translation - truth.poses[i].camera_from_map.translation).norm();
-    gradual_error += (gradual.poses[i].camera_from_map.translation - truth.poses[i].camera_from_map.translation).norm();
+    EXPECT_LT((problem.poses[i].camera_from_map.translation - truth.poses[i].camera_from_map.translation).norm(), 0.02);
   }
-  EXPECT_LT(gradual_error, 0.5 * at_once_error);
 }
 
 TEST(AdjustBundleCasesTest, GradualStartStopsWhenToldTo) {

@@ -199,6 +199,7 @@ bool FrontendProcess::MapperIsDone() const {
 
 bool FrontendProcess::LoopIsDone() const {
   if (!loop_state_.process.IsValid() || Clock::now() - loop_heard_ > kLoopPatience) return true;  // there is none, or none any more
+  if (!loop_state_.last_keyframe.IsValid()) return true;  // it came in between, and is told of the next keyframe
   return !loop_state_.is_busy && loop_state_.last_keyframe == mapper_.last_keyframe;
 }
 

@@ -95,6 +95,7 @@ std::vector<Rigid3d> Tracker::PredictPoses(const Frame& frame) {
   const Eigen::Quaterniond turn = EstimateRotation(frame, lost_frames_ == 0 ? predicted_turn : Eigen::Quaterniond::Identity());
   const Eigen::Quaterniond rotation = (turn * last.rotation).normalized();
   const Eigen::Vector3d centre = by_velocity.TargetOriginInSource();
+  if (lost_frames_ > 0) return {Rigid3d(rotation, -(rotation * centre))};  // the velocity is of a time before
   // Beyond the paper: close to a wall ESM takes its passing by for a turn, and then the velocity is right about the rotation too.
   return {Rigid3d(rotation, -(rotation * centre)), by_velocity};
 }

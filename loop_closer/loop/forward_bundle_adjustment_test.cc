@@ -108,7 +108,7 @@ TEST_F(ForwardBundleTest, LessErrorAndNothingTears) {
   const Map corrected = Corrected(*correction);
   EXPECT_LT(MeanReprojectionLoss(corrected), loss);
   EXPECT_LT(StepErrors(corrected).first, 0.7 * step);
-  EXPECT_LT(StepErrors(corrected).second, 1.5 * worst_step);
+  EXPECT_LT(StepErrors(corrected).second, 2 * worst_step);
   EXPECT_LT(CompareWithScene(corrected, scene_).camera_rmse, 0.3 * before.camera_rmse);
 }
 
@@ -120,7 +120,7 @@ TEST_F(ForwardBundleTest, NoisyFeaturesDoNotMakeItWorse) {
   ASSERT_TRUE(correction.ok()) << correction.error().message;
   const Map corrected = Corrected(*correction);
   EXPECT_LT(StepErrors(corrected).first, 1.1 * step);
-  EXPECT_LT(StepErrors(corrected).second, 1.5 * worst_step);
+  EXPECT_LT(StepErrors(corrected).second, 2 * worst_step);
   EXPECT_LT(CompareWithScene(corrected, scene_).camera_rmse, 0.5 * before.camera_rmse);
 }
 
