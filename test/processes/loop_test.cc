@@ -55,7 +55,10 @@ TEST_F(LoopTest, IsClosedByALoopCloserThatCameInBetween) {
   ASSERT_EQ(frontend.code, 0) << frontend.output << Logs();
   for (const char* role : {"backend_mapper", "loop_closer", "atlas_server"}) EXPECT_EQ(Interrupt(role).code, 0) << role;
   ExpectClosures(Report("loop_closer"));
-  ExpectSameMaps(Report("atlas_server"), Report("loop_closer"));
+  // It has the map that the robot is in; ones given up before it came it need not have.
+  const nlohmann::json followed = Report("loop_closer")["map_hash"], stored = Report("atlas_server")["map_hash"];
+  EXPECT_FALSE(followed.empty());
+  for (const auto& [map, hash] : followed.items()) EXPECT_EQ(stored.value(map, ""), hash.get<std::string>()) << map;
 }
 
 }  // namespace
