@@ -49,7 +49,7 @@ struct LocalBundleOptions {
 struct LensRefinementOptions {
   bool enabled = true;
   int first_keyframes = 30;  ///< size of a new map when it is looked for first,
-  double growth = 1.5;       ///< again whenever the map has grown by this factor,
+  double growth = 1.25;      ///< again whenever the map has grown by this factor,
   int max_keyframes = 300;   ///< and up to this size
   int window = 60;           ///< newest keyframes that take part; with max_points they bound the time to some 0.2 s
   int min_observations = 3;  ///< of a point that takes part

@@ -20,7 +20,7 @@ namespace portolan {
 
 struct KeyFrameAdjustmentOptions {
   /// Landmarks chosen for a keyframe, at least, where it has as many: they bound memory and time. Others follow.
-  int landmarks_per_keyframe = 100;
+  int landmarks_per_keyframe = 70;
   int max_iterations = 12;  ///< half of them with a wide loss (AdjustBundleGradually)
   double function_tolerance = 1e-4;  ///< relative decrease of the cost at which it is done
   FollowerOptions followers;
