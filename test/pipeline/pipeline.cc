@@ -5,12 +5,11 @@
 namespace portolan {
 namespace {
 constexpr RobotId kRobot = 0;
-constexpr uint32_t kSession = 1;  // fixed: runs are to be equal to the bit
 }  // namespace
 
 Pipeline::Pipeline(const TrackerOptions& tracker_options, const MapperOptions& mapper_options, const CameraModel& camera,
-                   std::shared_ptr<const Vocabulary> vocabulary)
-    : mapper_options_(mapper_options), vocabulary_(vocabulary), tracker_(tracker_options, camera, vocabulary, kRobot, kSession) {
+                   std::shared_ptr<const Vocabulary> vocabulary, uint32_t session)
+    : session_(session), mapper_options_(mapper_options), vocabulary_(vocabulary), tracker_(tracker_options, camera, vocabulary, kRobot, session) {
   MapperState idle;
   idle.idle = true;
   tracker_.OnMapperState(idle);
@@ -19,7 +18,7 @@ Pipeline::Pipeline(const TrackerOptions& tracker_options, const MapperOptions& m
 Tracker::Output Pipeline::Track(const Image& image) {
   Tracker::Output output = tracker_.Track(image);
   for (const MapId map : output.new_maps) {
-    mappers_[map] = std::make_unique<LocalMapper>(mapper_options_, map, next_epoch_++, kRobot, kSession,
+    mappers_[map] = std::make_unique<LocalMapper>(mapper_options_, map, next_epoch_++, kRobot, session_,
                                                   [this](MapDelta delta) { tracker_.AddDelta(std::move(delta)); });
   }
   for (const KeyFrameMessage& message : output.keyframes) Map(message);
