@@ -6,9 +6,11 @@ import os
 from launch_arguments import FRONTEND
 
 # Figures of the run that the frontend knows; null if it left none.
-FRONTEND_KEYS = ("frames", "tracked", "dropped", "lost", "maps", "keyframes", "points", "loops", "switches", "fusions", "frame_ms", "lens_residual")
+FRONTEND_KEYS = ("frames", "tracked", "dropped", "lost", "maps", "keyframes", "points", "switches", "fusions", "frame_ms", "lens_residual")
+# What the loop_closer found; null if it left no figures.
+LOOP_KEYS = ("loops", "closures", "refusals", "loop_counters")
 # Figures that each process has of its own.
-PROCESS_KEYS = ("stages_ms", "peak_memory_mb", "cpu_s", "dds", "priority", "counters")
+PROCESS_KEYS = ("stages_ms", "peak_memory_mb", "cpu_s", "dds", "priority", "build", "counters")
 
 
 def read_reports(out, roles):
@@ -32,6 +34,7 @@ def merge(reports):
     """The figures of a run: {role: report} into one object with the keys that scripts rely on."""
     frontend = reports.get(FRONTEND, {})
     summary = {key: frontend.get(key) for key in FRONTEND_KEYS}
+    summary.update({key: reports.get("loop_closer", {}).get(key) for key in LOOP_KEYS})
     for key in PROCESS_KEYS:
         summary[key] = {role: report[key] for role, report in reports.items() if key in report}
     bytes_sent = {}
@@ -63,6 +66,8 @@ def describe(summary):
         return "no figures of the frontend"
     text = (f"{summary['tracked']} of {summary['frames']} frames tracked, {summary['dropped']} dropped, {summary['maps']} maps, "
             f"{summary['keyframes']} keyframes, {summary['points']} points")
+    if summary["loops"]:
+        text += f", {summary['loops']} loops closed"
     frame_ms = summary["frame_ms"] or {}
     if frame_ms.get("median") is not None:  # null when no frame was tracked
         text += f"; a frame takes {frame_ms['median']:.1f} ms (median), {frame_ms['p95']:.1f} ms (p95)"

@@ -23,12 +23,14 @@ TIMEOUT_S = 60
 
 
 def report(role, **more):
-    return {"role": role, "dds": "fastdds", "priority": "nice 0", "peak_memory_mb": 100.0, "cpu_s": 2.5,
+    return {"role": role, "dds": "fastdds", "priority": "nice 0", "build": "0.1.0 RelWithDebInfo", "peak_memory_mb": 100.0, "cpu_s": 2.5,
             "stages_ms": {"work": {"median": 1.0, "p95": 2.0, "count": 3}}, "bytes_sent": {"process_status": 10}, "counters": {}, **more}
 
 
 FRONTEND_REPORT = report("frontend_tracker", bytes_sent={"keyframe": 7, "process_status": 5}, frames=10, tracked=9, lost=0, dropped=1, maps=1,
-                         keyframes=4, points=200, loops=0, switches=0, fusions=0, frame_ms={"median": 20.0, "p95": 30.0}, lens_residual=[0, 0])
+                         keyframes=4, points=200, switches=0, fusions=0, frame_ms={"median": 20.0, "p95": 30.0}, lens_residual=[0, 0])
+
+LOOP_REPORT = report("loop_closer", loops=1, closures=[{"stamp_ns": 9, "matched_stamp_ns": 2}], refusals=[], loop_counters={"closed": 1})
 
 
 class RunTest(unittest.TestCase):
@@ -49,6 +51,7 @@ class RunTest(unittest.TestCase):
         os.mkfifo(self.up)
         # The frontend ends once all back ends are up; these wait to be ended.
         self.behaviour = {role: {"announce": True, "wait": "signal", "report": report(role)} for role in BACK_ENDS}
+        self.behaviour["loop_closer"]["report"] = LOOP_REPORT
         self.behaviour["frontend_tracker"] = {"wait": "up", "others": len(BACK_ENDS), "report": FRONTEND_REPORT}
 
     def environment(self):
@@ -92,12 +95,13 @@ class WholeRunTest(RunTest):
         code, errors = self.run_to_end()
         self.assertEqual(code, 0, errors)
         summary = self.summary()
-        for key in ("frames", "tracked", "dropped", "lost", "maps", "keyframes", "points", "loops", "switches", "fusions", "frame_ms",
-                    "lens_residual"):
+        for key in ("frames", "tracked", "dropped", "lost", "maps", "keyframes", "points", "switches", "fusions", "frame_ms", "lens_residual"):
             self.assertEqual(summary[key], FRONTEND_REPORT[key])
+        for key in ("loops", "closures", "refusals", "loop_counters"):
+            self.assertEqual(summary[key], LOOP_REPORT[key])
         self.assertEqual(summary["bytes_sent"], {"keyframe": 7, "process_status": 35})
         roles = {*BACK_ENDS, "frontend_tracker"}
-        for key in ("stages_ms", "peak_memory_mb", "cpu_s", "dds", "priority"):
+        for key in ("stages_ms", "peak_memory_mb", "cpu_s", "dds", "priority", "build"):
             self.assertEqual(set(summary[key]), roles)
         self.assertEqual(summary["exit_codes"], {role: 0 for role in roles})
         self.assertEqual(summary["data"], str(self.data))

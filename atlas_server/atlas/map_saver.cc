@@ -23,10 +23,17 @@ Status MapSaver::Step(const std::map<MapId, MapReplica>& replicas, double now_s,
       if (missing.size() == kKeyFramesAStep) break;
       if (!store_.HasKeyFrame(keyframe_id)) missing.push_back(keyframe.data);
     }
-    if (!missing.empty()) return store_.SaveKeyFrames(missing);
+    if (!missing.empty()) return SaveKeyFrames(map, missing);
     if (saved_.count(id) == 0 || now_s - saved_.at(id).time_s >= interval_s) return SaveState(map, now_s);
   }
   return Ok{};
+}
+
+Status MapSaver::SaveKeyFrames(const Map& map, const std::vector<std::shared_ptr<const KeyFrameData>>& keyframes) {
+  Status done = store_.SaveKeyFrames(keyframes);
+  if (!done) return done;
+  for (const auto& data : keyframes) stored_.emplace_back(map.id(), data->id);
+  return done;
 }
 
 Status MapSaver::SaveState(const Map& map, double now_s) {

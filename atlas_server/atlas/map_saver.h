@@ -2,7 +2,9 @@
 
 #include <functional>
 #include <map>
+#include <memory>
 #include <utility>
+#include <vector>
 
 #include "atlas/map_store.h"
 #include "map/map_replica.h"
@@ -25,6 +27,9 @@ class MapSaver {
   /// All that is not stored yet, now. @param between is called after each piece. Stops at the first failure.
   Status SaveAll(const std::map<MapId, MapReplica>& replicas, double now_s, const std::function<void()>& between);
 
+  /// Keyframes stored since the last call, with the map they were stored for: their appearance need not be kept in memory.
+  std::vector<std::pair<MapId, KeyFrameId>> TakeStored() { return std::exchange(stored_, {}); }
+
   /// Whether the newest state of every map is stored.
   bool IsComplete(const std::map<MapId, MapReplica>& replicas) const;
 
@@ -41,11 +46,13 @@ class MapSaver {
   Status Step(const std::map<MapId, MapReplica>& replicas, double now_s, double interval_s);
   static State StateOf(const Map& map) { return {map.epoch(), map.revision()}; }
   bool IsSaved(const Map& map) const;
+  Status SaveKeyFrames(const Map& map, const std::vector<std::shared_ptr<const KeyFrameData>>& keyframes);
   Status SaveState(const Map& map, double now_s);
 
   MapStore& store_;
   double interval_s_;
   std::map<MapId, Saved> saved_;
+  std::vector<std::pair<MapId, KeyFrameId>> stored_;
 };
 
 }  // namespace portolan

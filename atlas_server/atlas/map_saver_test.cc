@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <utility>
+#include <vector>
 
 #include "map/random_edits.h"
 
@@ -88,6 +90,34 @@ TEST_F(MapSaverTest, SaveAllWaitsForNoInterval) {
   EXPECT_EQ(pieces, 2 + 4);
   EXPECT_EQ(StoredRevision(), 2u);
   EXPECT_TRUE(saver.IsComplete(replicas_));
+}
+
+TEST_F(MapSaverTest, NamesEachKeyFrameOnceThatItStored) {
+  MapSaver saver(store_.get(), kIntervalS);
+  Grow(28);  // and the two of the beginning
+  std::vector<std::pair<MapId, KeyFrameId>> stored;
+  for (const size_t expected : {20u, 10u, 0u}) {
+    Step(&saver, 0);
+    const auto piece = saver.TakeStored();
+    EXPECT_EQ(piece.size(), expected);
+    stored.insert(stored.end(), piece.begin(), piece.end());
+  }
+  std::vector<std::pair<MapId, KeyFrameId>> all;
+  for (const auto& [id, keyframe] : map_.keyframes()) all.emplace_back(map_.id(), id);
+  EXPECT_EQ(stored, all);
+}
+
+TEST_F(MapSaverTest, GoesOnWhenWhatIsStoredIsNoLongerInMemory) {
+  MapSaver saver(store_.get(), kIntervalS);
+  for (int round = 0; round < 3; ++round) {
+    Grow(5);
+    ASSERT_TRUE(saver.SaveAll(replicas_, round, [] {}).ok());
+    for (const auto& [map, keyframe] : saver.TakeStored()) replicas_.at(map).DropAppearance(keyframe);
+  }
+  for (const auto& [id, keyframe] : replicas_.at(map_.id()).map().keyframes()) {
+    EXPECT_FALSE(keyframe.data->features.HasAppearance());
+    EXPECT_EQ(store_->LoadKeyFrame(id).value().features.descriptors, edits_.data().at(id)->features.descriptors);
+  }
 }
 
 TEST_F(MapSaverTest, WritesNothingThatIsStoredAlready) {

@@ -108,6 +108,7 @@ Status MapStore::SaveKeyFrames(const std::vector<std::shared_ptr<const KeyFrameD
     if (!insert) return insert.error();
     for (const auto& data : keyframes) {
       if (HasKeyFrame(data->id)) continue;
+      if (!data->features.HasAppearance()) return Error{"keyframe " + ToString(data->id) + " has no descriptors"};
       const std::string blob = Compress(EncodeKeyFrameData(*data));
       if (Status inserted = Run(&insert->Bind(1, data->id.value).Bind(2, blob)); !inserted) return inserted;
       saved.push_back(data->id);
@@ -219,8 +220,8 @@ Result<MapStore::StoredMap> MapStore::Decode(std::string_view state) {
   if (!snapshot) return snapshot.error();
   StoredMap map;
   for (const auto& keyframe : snapshot->keyframes) {
-    Result<KeyFrameData> data = LoadKeyFrame(keyframe.id);
-    if (!data) return Error{"keyframe " + ToString(keyframe.id) + ": " + data.error().message};
+    Result<KeyFrameData> data = ReadKeyFrame(keyframe.id);
+    if (!data) return data.error();
     map.keyframes.push_back(std::move(*data));
   }
   map.snapshot = std::move(*snapshot);
@@ -228,15 +229,23 @@ Result<MapStore::StoredMap> MapStore::Decode(std::string_view state) {
 }
 
 Result<KeyFrameData> MapStore::LoadKeyFrame(KeyFrameId id) {
+  Result<KeyFrameData> data = ReadKeyFrame(id);
+  if (!data) return At(data.error());
+  return data;
+}
+
+Result<KeyFrameData> MapStore::ReadKeyFrame(KeyFrameId id) {
+  const std::string name = "keyframe " + ToString(id);
   Result<SqlStatement> query = database_.Prepare("SELECT data FROM keyframe WHERE id = ?1");
-  if (!query) return query.error();
+  if (!query) return Error{name + ": " + query.error().message};
   const Result<bool> row = query->Bind(1, id.value).Step();
-  if (!row) return row.error();
-  if (!*row) return Error{"its data is not in the store"};
+  if (!row) return Error{name + ": " + row.error().message};
+  if (!*row) return Error{name + ": its data is not in the store"};
   const Result<std::string> bytes = Decompress(query->Blob(0), kMaxBlobBytes);
-  if (!bytes) return bytes.error();
+  if (!bytes) return Error{name + ": " + bytes.error().message};
   Result<KeyFrameData> data = DecodeKeyFrameData(*bytes);
-  if (data && data->id != id) return Error{"the data is that of keyframe " + ToString(data->id)};
+  if (!data) return Error{name + ": " + data.error().message};
+  if (data->id != id) return Error{name + ": the data is that of keyframe " + ToString(data->id)};
   return data;
 }
 

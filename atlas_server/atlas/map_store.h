@@ -42,7 +42,10 @@ class MapStore {
   /// Fails when the file as a whole can't be read.
   Result<Content> Load();
 
-  /// All of them or, on failure, none. Data that is there already is passed over.
+  /// The data of one keyframe, without derived fields.
+  Result<KeyFrameData> LoadKeyFrame(KeyFrameId id);
+
+  /// All of them or, on failure, none. Data that is there already is passed over; data without appearance is a failure.
   Status SaveKeyFrames(const std::vector<std::shared_ptr<const KeyFrameData>>& keyframes);
   /// Replaces the map's state, and drops keyframes that were in the last one and are not in this. All keyframes must
   /// have been saved.
@@ -65,7 +68,7 @@ class MapStore {
   std::vector<KeyFrameId> Vanished(const MapDelta& snapshot) const;
   Status Remove(const std::vector<KeyFrameId>& keyframes);
   Result<StoredMap> Decode(std::string_view state);
-  Result<KeyFrameData> LoadKeyFrame(KeyFrameId id);
+  Result<KeyFrameData> ReadKeyFrame(KeyFrameId id);
   Status LoadMaps(Content* content);
   Status LoadOwnerships(Content* content);
   Error At(const Error& error) const { return Error{"atlas store '" + path_ + "': " + error.message}; }

@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "map/map_io.h"
 #include "map/random_edits.h"
 
 namespace portolan {
@@ -98,6 +99,29 @@ TEST_F(MapStoreTest, WhatWasSavedIsThereAfterwards) {
   EXPECT_EQ(content.ownerships[0].epoch, 5u);
   EXPECT_EQ(content.ownerships[0].owner, ProcessId(40000, 2, 1));
   EXPECT_TRUE(content.problems.empty());
+}
+
+TEST_F(MapStoreTest, LoadsOneKeyFrame) {
+  const Map map = MakeMap(3);
+  const auto store = Open(path_);
+  ASSERT_TRUE(Save(store.get(), map).ok());
+  for (const auto& [id, keyframe] : map.keyframes()) {
+    const Result<KeyFrameData> data = store->LoadKeyFrame(id);
+    ASSERT_TRUE(data.ok()) << data.error().message;
+    EXPECT_EQ(EncodeKeyFrameData(*data), EncodeKeyFrameData(*keyframe.data));
+  }
+  const Result<KeyFrameData> unknown = store->LoadKeyFrame(KeyFrameId(0, 1, 0xfffff0));
+  ASSERT_FALSE(unknown.ok());
+  EXPECT_THAT(unknown.error().message, HasSubstr(path_.string()));
+  EXPECT_THAT(unknown.error().message, HasSubstr("not in the store"));
+}
+
+TEST_F(MapStoreTest, RefusesDataThatIsNotWhole) {
+  const Map map = MakeMap(3);
+  const auto store = Open(path_);
+  const Status saved = store->SaveKeyFrames({WithoutAppearance(*map.keyframes().begin()->second.data)});
+  EXPECT_THAT(MessageOf(saved), HasSubstr("no descriptors"));
+  EXPECT_EQ(store->num_keyframes(), 0u);
 }
 
 TEST_F(MapStoreTest, ALaterStateReplacesTheOneBeforeAndDropsWhatLeftTheMap) {

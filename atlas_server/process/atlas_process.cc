@@ -15,11 +15,10 @@ constexpr double kTickPeriodS = 0.15;  // well within the liveliness lease of 50
 
 }  // namespace
 
-AtlasProcess::AtlasProcess(const ProcessSetup& setup, const AtlasOptions& options,
-                           std::shared_ptr<const Vocabulary> vocabulary, MapStore* store, Bus* bus,
-                           const std::string& priority, ProcessLoop* loop)
+AtlasProcess::AtlasProcess(const ProcessSetup& setup, const AtlasOptions& options, uint64_t vocabulary_hash,
+                           MapStore* store, Bus* bus, const std::string& priority, ProcessLoop* loop)
     : setup_(setup),
-      vocabulary_(std::move(vocabulary)),
+      vocabulary_hash_(vocabulary_hash),
       store_(store),
       bus_(bus),
       priority_(priority),
@@ -46,8 +45,8 @@ Status AtlasProcess::LoadStore() {
   atlas_.Restore(content->ownerships);
   for (MapStore::StoredMap& stored : content->maps) {
     const MapDelta& snapshot = stored.snapshot;
-    for (KeyFrameData& data : stored.keyframes)
-      replicas_.AddKeyFrameData(snapshot.map, MakeKeyFrameData(std::move(data), nullptr));
+    for (const KeyFrameData& data : stored.keyframes)
+      replicas_.AddKeyFrameData(snapshot.map, WithoutAppearance(data));
     atlas_.OnEpoch(snapshot.map, snapshot.epoch);
     replicas_.AddDelta(std::move(stored.snapshot));
     status_.AssertLiveliness();
@@ -104,16 +103,18 @@ void AtlasProcess::OnMapperState(const MapperState& state) {
 }
 
 void AtlasProcess::OnKeyFrame(const KeyFrameMessage& message) {
-  if (message.vocabulary_hash != vocabulary_->hash()) {
+  if (message.vocabulary_hash != vocabulary_hash_) {
     if (foreign_vocabulary_++ == 0) {
       spdlog::error("keyframes made with another vocabulary ({:016x}, here {:016x}) are passed over",
-                    message.vocabulary_hash, vocabulary_->hash());
+                    message.vocabulary_hash, vocabulary_hash_);
     }
     return;
   }
   if (!message.map.IsValid()) return;
-  // Nothing here looks for places yet: words would cost milliseconds a keyframe.
-  replicas_.AddKeyFrameData(message.map, MakeKeyFrameData(message.data, nullptr));
+  // As it came, or less: nothing here looks for places or features.
+  const bool stored = store_ != nullptr && store_->HasKeyFrame(message.data.id);
+  replicas_.AddKeyFrameData(
+      message.map, stored ? WithoutAppearance(message.data) : std::make_shared<const KeyFrameData>(message.data));
   ApplyPending();
 }
 
@@ -180,11 +181,17 @@ void AtlasProcess::SendSnapshot(const Map& map, const std::vector<KeyFrameId>& h
   const std::set<KeyFrameId> have(have_list.begin(), have_list.end());
   for (const auto& [id, keyframe] : map.keyframes()) {
     if (have.count(id) == 1) continue;
+    Result<KeyFrameData> data = WholeData(*keyframe.data);
+    if (!data) {
+      ++store_failures_;
+      spdlog::error("map {} can't be sent to its owner: {}", ToString(map.id()), data.error().message);
+      return;
+    }
     KeyFrameMessage copy;
     copy.kind = KeyFrameKind::kCopy;
-    copy.data = *keyframe.data;
+    copy.data = std::move(*data);
     copy.map = map.id();
-    copy.vocabulary_hash = vocabulary_->hash();
+    copy.vocabulary_hash = vocabulary_hash_;
     keyframe_writer_->Write(copy);
     status_.AssertLiveliness();
   }
@@ -192,6 +199,11 @@ void AtlasProcess::SendSnapshot(const Map& map, const std::vector<KeyFrameId>& h
   ++snapshots_sent_;
   times_.Add("snapshot", stopwatch.Milliseconds());
   spdlog::info("sent map {} at revision {} for its owner", ToString(map.id()), map.revision());
+}
+
+Result<KeyFrameData> AtlasProcess::WholeData(const KeyFrameData& data) {
+  if (data.features.HasAppearance()) return data;
+  return store_->LoadKeyFrame(data.id);
 }
 
 void AtlasProcess::OnTick() {
@@ -209,7 +221,12 @@ void AtlasProcess::StoreAPiece() {
   if (!saver_ || saver_->IsComplete(replicas_.replicas())) return;
   const Stopwatch stopwatch;
   if (Status stored = saver_->Step(replicas_.replicas(), Now()); !stored) NoteStoreFailure(stored.error());
+  DropWhatIsStored();
   times_.Add("store", stopwatch.Milliseconds());
+}
+
+void AtlasProcess::DropWhatIsStored() {
+  for (const auto& [map, keyframe] : saver_->TakeStored()) replicas_.DropAppearance(map, keyframe);
 }
 
 void AtlasProcess::NoteStoreFailure(const Error& error) {
@@ -229,6 +246,7 @@ Reply AtlasProcess::SaveOnRequest() {
     return reply;
   }
   const Status saved = SaveAll();
+  DropWhatIsStored();
   reply.ok = saved.ok();
   if (!saved) {
     reply.reason = saved.error().message;

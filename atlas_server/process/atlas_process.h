@@ -19,12 +19,13 @@
 namespace portolan {
 
 /// The shell around the atlas: hears requests and statuses, grants maps, follows every map and stores it, and stands in
-/// with snapshots for owners that are dead. One owner thread; the store's work on it is cut into bounded pieces.
+/// with snapshots for owners that are dead. Descriptors that are stored are not kept in memory. One owner thread; the
+/// store's work on it is cut into bounded pieces.
 class AtlasProcess {
  public:
   /// @param store may be null: nothing is stored.
-  AtlasProcess(const ProcessSetup& setup, const AtlasOptions& options, std::shared_ptr<const Vocabulary> vocabulary,
-               MapStore* store, Bus* bus, const std::string& priority, ProcessLoop* loop);
+  AtlasProcess(const ProcessSetup& setup, const AtlasOptions& options, uint64_t vocabulary_hash, MapStore* store,
+               Bus* bus, const std::string& priority, ProcessLoop* loop);
   ~AtlasProcess();
 
   /// Takes up what is in the store. Before Run().
@@ -48,7 +49,10 @@ class AtlasProcess {
   void ApplyPending();
   void PublishDecisions();
   void SendSnapshot(const Map& map, const std::vector<KeyFrameId>& have);
+  /// The whole data of a keyframe, from the store where memory has it bare.
+  Result<KeyFrameData> WholeData(const KeyFrameData& data);
   void StoreAPiece();
+  void DropWhatIsStored();
   void NoteStoreFailure(const Error& error);
   Status SaveAll();
   Reply ListMaps() const;
@@ -61,7 +65,7 @@ class AtlasProcess {
   static double Now() { return std::chrono::duration<double>(Clock::now().time_since_epoch()).count(); }
 
   const ProcessSetup& setup_;
-  std::shared_ptr<const Vocabulary> vocabulary_;
+  const uint64_t vocabulary_hash_;
   MapStore* store_;
   Bus* bus_;
   std::string priority_;

@@ -2,6 +2,7 @@
 
 #include "process/atlas_config.h"
 #include "process/atlas_process.h"
+#include "process/process_start.h"
 
 namespace portolan {
 namespace {
@@ -18,12 +19,6 @@ int Main(int argc, char** argv) {
       [&](ConfigReader* config) { return ReadAtlasOptions(config, &options); });
   if (setup.exit_code) return *setup.exit_code;
 
-  const auto vocabulary = Vocabulary::Open(setup.options.vocabulary_file.empty() ? Vocabulary::DefaultPath()
-                                                                                 : setup.options.vocabulary_file);
-  if (!vocabulary) {
-    spdlog::error("{}", vocabulary.error().message);
-    return kExitBadInput;
-  }
   std::signal(SIGXFSZ, SIG_IGN);  // a limit on file sizes is a full disk to us: the write fails and says so
   std::unique_ptr<MapStore> store;
   if (const std::string path = StorePath(options, setup.options.out); !path.empty()) {
@@ -34,14 +29,10 @@ int Main(int argc, char** argv) {
     }
     store = std::move(*opened);
   }
-  ProcessLoop loop(4096);
-  std::string priority;
-  auto bus = StartProcess(setup.options, &priority);
-  if (!bus) {
-    spdlog::error("{}", bus.error().message);
-    return kExitFailure;
-  }
-  AtlasProcess process(setup, options, *vocabulary, store.get(), bus->get(), priority, &loop);
+  const ProcessStart start = ProcessStart::Make(setup, ProcessStart::Words::kHashAlone);
+  if (start.exit_code) return *start.exit_code;
+  AtlasProcess process(setup, options, start.vocabulary_hash, store.get(), start.bus.get(), start.priority,
+                       start.loop.get());
   if (Status loaded = process.LoadStore(); !loaded) {
     spdlog::error("{}", loaded.error().message);
     return kExitBadInput;

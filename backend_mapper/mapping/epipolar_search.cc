@@ -19,9 +19,10 @@ struct FreeFeatures {
   FreeFeatures(const KeyFrameView& view, double chi2, const std::optional<Eigen::Vector2d>& epipole_px,
                double epipole_radius_px) {
     const FeatureSet& features = view.data().features;
+    const std::vector<MapPointId> landmarks = view.keyframe().landmarks.ByFeature();
     index.reserve(features.size());
     for (uint32_t i = 0; i < features.size(); ++i) {
-      if (!view.IsFree(i)) continue;
+      if (landmarks[i].IsValid()) continue;
       if (epipole_px && (view.Pixel(i) - *epipole_px).norm() < epipole_radius_px * view.Sigma(i)) continue;
       index.push_back(i);
     }
@@ -112,8 +113,9 @@ std::vector<FeatureMatch> SearchEpipolar(const KeyFrameView& first, const KeyFra
   std::vector<FeatureMatch> best_of_candidate(candidates.index.size(), FeatureMatch{0, 0, options.max_distance + 1});
   Eigen::ArrayXf excess;
   const FeatureSet& features = first.data().features;
+  const std::vector<MapPointId> landmarks = first.keyframe().landmarks.ByFeature();
   for (uint32_t i = 0; i < features.size(); ++i) {
-    if (!first.IsFree(i)) continue;
+    if (landmarks[i].IsValid()) continue;
     const auto segment =
         ImageOfRay(rotation * first.camera().Unproject(first.Pixel(i)), origin, min_depth, second.camera());
     if (!segment) continue;

@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "features/feature_matcher.h"
-#include "mapping/keyframe_view.h"
+#include "map/keyframe_view.h"
 #include "mapping/mapper_options.h"
 
 namespace portolan {

@@ -19,7 +19,17 @@ constexpr double kFunctionTolerance = 1e-5;  // the lens moves the cost by thous
 constexpr double kSettlingEvidence = 2;  // times the evidence asked for, and still another focal length explains more
 constexpr double kMaxShiftShare = 0.1;   // of the rim's radius: more is no residual but another lens
 
-/// The newest keyframes and the points that they see longest, as a problem with the newest keyframe fixed.
+/// Distance from the principal point within which nearly all measurements lie, on the plane z = 1.
+double RimRadius(const BundleProblem& problem) {
+  std::vector<double> radii;
+  for (const auto& m : problem.measurements) radii.push_back(problem.poses[m.pose].camera.Normalize(m.pixel_px).norm());
+  const auto rim = radii.begin() + static_cast<ptrdiff_t>(kRimQuantile * static_cast<double>(radii.size() - 1));
+  std::nth_element(radii.begin(), rim, radii.end());
+  return *rim;
+}
+
+}  // namespace
+
 BundleProblem MakeLensProblem(const Map& map, const LensRefinementOptions& options) {
   BundleProblem problem;
   std::map<KeyFrameId, uint32_t> index;
@@ -29,9 +39,7 @@ BundleProblem MakeLensProblem(const Map& map, const LensRefinementOptions& optio
     if (!problem.poses.empty() && keyframe.data->camera != problem.poses.front().camera) continue;
     index.emplace(keyframe_id, static_cast<uint32_t>(problem.poses.size()));
     problem.poses.push_back({keyframe.camera_from_map, keyframe.data->camera, problem.poses.empty()});
-    for (const MapPointId id : keyframe.landmarks) {
-      if (id.IsValid()) ++track_lengths[id];
-    }
+    for (const MapPointId id : keyframe.landmarks) ++track_lengths[id];
   }
   std::vector<std::pair<MapPointId, int>> tracks(track_lengths.begin(), track_lengths.end());
   std::stable_sort(tracks.begin(), tracks.end(), [](const auto& a, const auto& b) { return a.second > b.second; });
@@ -52,19 +60,7 @@ BundleProblem MakeLensProblem(const Map& map, const LensRefinementOptions& optio
   return problem;
 }
 
-/// Distance from the principal point within which nearly all measurements lie, on the plane z = 1.
-double RimRadius(const BundleProblem& problem) {
-  std::vector<double> radii;
-  for (const auto& m : problem.measurements) radii.push_back(problem.poses[m.pose].camera.Normalize(m.pixel_px).norm());
-  const auto rim = radii.begin() + static_cast<ptrdiff_t>(kRimQuantile * static_cast<double>(radii.size() - 1));
-  std::nth_element(radii.begin(), rim, radii.end());
-  return *rim;
-}
-
-}  // namespace
-
-LensFinding FindRadialResidual(const Map& map, const LensRefinementOptions& options) {
-  const BundleProblem problem = MakeLensProblem(map, options);
+LensFinding FindRadialResidual(const BundleProblem& problem, const LensRefinementOptions& options) {
   if (static_cast<int>(problem.points_in_map.size()) < options.min_points) return {};
   BundleOptions bundle;
   bundle.max_iterations = options.max_iterations;

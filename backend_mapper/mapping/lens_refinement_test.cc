@@ -7,6 +7,8 @@
 namespace portolan {
 namespace {
 
+LensFinding FindInMap(const Map& map, const LensRefinementOptions& options) { return FindRadialResidual(MakeLensProblem(map, options), options); }
+
 /// Views along a winding path, seen through a lens that the calibration does not know.
 Map MapThrough(const RadialResidual& lens, double pixel_sigma) {
   TestSceneOptions options;
@@ -31,13 +33,13 @@ Map MapThrough(const RadialResidual& lens, double pixel_sigma) {
 
 TEST(LensRefinementTest, FindsWhatTheCalibrationLeft) {
   const RadialResidual lens{0.06, -0.09};
-  const auto found = FindRadialResidual(MapThrough(lens, 0.3), {});
+  const auto found = FindInMap(MapThrough(lens, 0.3), {});
   EXPECT_TRUE(found.is_settled);
   EXPECT_NEAR(found.residual.Distort({0.6, 0}).x(), lens.Distort({0.6, 0}).x(), 1e-3);  // half a pixel at the rim
 }
 
 TEST(LensRefinementTest, LeavesAnExactCalibrationAlone) {
-  EXPECT_TRUE(FindRadialResidual(MapThrough({}, 0.3), {}).residual.IsNone());
+  EXPECT_TRUE(FindInMap(MapThrough({}, 0.3), {}).residual.IsNone());
 }
 
 TEST(LensRefinementTest, LeavesAWrongFocalLengthToTheUser) {
@@ -54,21 +56,21 @@ TEST(LensRefinementTest, LeavesAWrongFocalLengthToTheUser) {
     longer.AddPoint(id, map.point(id).position_in_map);
     for (const Observation& o : map.point(id).observations) longer.AddObservation(id, o.keyframe, o.feature);
   }
-  const LensFinding finding = FindRadialResidual(longer, {});
+  const LensFinding finding = FindInMap(longer, {});
   EXPECT_TRUE(finding.residual.IsNone());
   EXPECT_TRUE(finding.is_settled);
 }
 
 TEST(LensRefinementTest, LeavesAloneWhatDoesNoHarm) {
-  EXPECT_TRUE(FindRadialResidual(MapThrough({0.002, -0.001}, 0.3), {}).residual.IsNone());  // 0.2 px at the rim
+  EXPECT_TRUE(FindInMap(MapThrough({0.002, -0.001}, 0.3), {}).residual.IsNone());  // 0.2 px at the rim
 }
 
 TEST(LensRefinementTest, AsksForEnoughPoints) {
   const Map map = MapThrough({0.06, -0.09}, 0.3);
   LensRefinementOptions options;
   options.max_points = 100;  // of a map that has more
-  EXPECT_TRUE(FindRadialResidual(map, options).residual.IsNone());
-  EXPECT_TRUE(FindRadialResidual(Map(MapId(1)), {}).residual.IsNone());
+  EXPECT_TRUE(FindInMap(map, options).residual.IsNone());
+  EXPECT_TRUE(FindInMap(Map(MapId(1)), {}).residual.IsNone());
 }
 
 TEST(LensRefinementTest, PassesOverKeyFramesOfAnotherCamera) {
@@ -78,7 +80,7 @@ TEST(LensRefinementTest, PassesOverKeyFramesOfAnotherCamera) {
   other.id = KeyFrameId(map.keyframes().rbegin()->first.value + 1);
   other.camera.fx += 100;
   map.AddKeyFrame(std::make_shared<const KeyFrameData>(std::move(other)), Rigid3d(), map.keyframes().begin()->first);
-  EXPECT_NEAR(FindRadialResidual(map, {}).residual.k1, lens.k1, 0.01);
+  EXPECT_NEAR(FindInMap(map, {}).residual.k1, lens.k1, 0.01);
 }
 
 }  // namespace

@@ -5,23 +5,17 @@
 
 #include "base/ids.h"
 #include "map/map.h"
+#include "map_optimization/window_problem.h"
 #include "mapping/mapper_options.h"
 #include "optimization/bundle_adjustment.h"
 
 namespace portolan {
 
-/// The part of a map that local BA works on.
-struct LocalWindow {
-  std::vector<KeyFrameId> free;  ///< their poses change
-  std::vector<KeyFrameId>
-      fixed;  ///< their poses hold the window in place: at least two, unless the map has no more keyframes
-  std::vector<MapPointId> points;  ///< seen by the free keyframes and the fixed ones that hold the gauge
-};
-
 /// The keyframe and those connected to it in the pose graph, the points that they see, and other keyframes that see
-/// those points (paper Sec. 4.2). Where fewer than two others do, the oldest of the window are fixed instead: one for
-/// the frame, one for the scale. The map's first keyframe never moves.
-LocalWindow SelectLocalWindow(const Map& map, KeyFrameId keyframe, const LocalBundleOptions& options);
+/// those points, fixed (paper Sec. 4.2): at least two, unless the map has no more keyframes. Where fewer than two others
+/// see them, the oldest of the window are fixed instead: one for the frame, one for the scale. The map's first keyframe
+/// never moves.
+BundleWindow SelectLocalWindow(const Map& map, KeyFrameId keyframe, const LocalBundleOptions& options);
 
 /// What local BA did.
 struct LocalBundleResult {

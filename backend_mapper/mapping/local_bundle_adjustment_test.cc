@@ -68,7 +68,7 @@ class LocalBundle : public ::testing::Test {
 };
 
 TEST_F(LocalBundle, WindowOfASmallMapFixesItsTwoOldest) {
-  const LocalWindow window = SelectLocalWindow(map_, last(), options_);
+  const BundleWindow window = SelectLocalWindow(map_, last(), options_);
   EXPECT_THAT(window.fixed, ::testing::UnorderedElementsAre(id(0), id(1)));
   EXPECT_EQ(window.free.size(), 4u);
   EXPECT_EQ(window.free.front(), last());
@@ -77,7 +77,7 @@ TEST_F(LocalBundle, WindowOfASmallMapFixesItsTwoOldest) {
 TEST_F(LocalBundle, WindowIsBoundedAndHeldByOthers) {
   options_.max_keyframes = 3;
   options_.max_fixed = 2;
-  const LocalWindow window = SelectLocalWindow(map_, last(), options_);
+  const BundleWindow window = SelectLocalWindow(map_, last(), options_);
   EXPECT_EQ(window.free.size(), 3u);
   EXPECT_EQ(window.fixed.size(), 2u);
   for (const KeyFrameId fixed : window.fixed) EXPECT_THAT(window.free, Not(Contains(fixed)));
@@ -85,7 +85,7 @@ TEST_F(LocalBundle, WindowIsBoundedAndHeldByOthers) {
 
 TEST_F(LocalBundle, TheFirstKeyFrameNeverMoves) {
   options_.max_keyframes = 3;
-  const LocalWindow window = SelectLocalWindow(map_, id(0), options_);
+  const BundleWindow window = SelectLocalWindow(map_, id(0), options_);
   EXPECT_THAT(window.free, Not(Contains(id(0))));
   EXPECT_THAT(window.fixed, Contains(id(0)));
 }
@@ -106,7 +106,7 @@ TEST_F(LocalBundle, RemovesGrossErrors) {
   const KeyFrame keyframe = map_.keyframe(id(3));
   std::vector<std::pair<MapPointId, uint32_t>> wrong;
   std::vector<uint32_t> features;
-  for (uint32_t f = 0; f < keyframe.landmarks.size() && features.size() < 20; ++f) {
+  for (uint32_t f = 0; f < keyframe.landmarks.num_features() && features.size() < 20; ++f) {
     const MapPointId landmark = keyframe.landmarks[f];
     if (landmark.IsValid() && map_.point(landmark).observations.size() >= 4) features.push_back(f);
   }

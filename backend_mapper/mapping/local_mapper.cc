@@ -5,8 +5,7 @@
 #include <unordered_set>
 
 #include "base/time.h"
-#include "mapping/correction.h"
-#include "mapping/lens_refinement.h"
+#include "map_optimization/map_correction.h"
 #include "mapping/map_initialization.h"
 #include "mapping/point_creation.h"
 #include "optimization/pose_optimization.h"
@@ -71,7 +70,6 @@ Status LocalMapper::Process(KeyFramePtr data, const KeyFrameMessage& message, co
   }
   Prune();
   PublishChanges();
-  RefineLens();
   return Ok{};
 }
 
@@ -170,14 +168,16 @@ std::vector<KeyFrameId> LocalMapper::Prune() {
   return pruned;
 }
 
-void LocalMapper::RefineLens() {
+std::optional<BundleProblem> LocalMapper::NextLensProblem() {
   const auto keyframes = static_cast<int>(map_.keyframes().size());
-  if (keyframes < next_lens_refinement_ || keyframes > options_.lens.max_keyframes) return;
-  const Stopwatch watch;
-  const LensFinding finding = FindRadialResidual(map_, options_.lens);
+  if (keyframes < next_lens_refinement_ || keyframes > options_.lens.max_keyframes) return std::nullopt;
+  next_lens_refinement_ = static_cast<int>(options_.lens.growth * keyframes);
+  return MakeLensProblem(map_, options_.lens);
+}
+
+void LocalMapper::TakeLensFinding(const LensFinding& finding) {
   residual_ = finding.residual;
-  next_lens_refinement_ = finding.is_settled ? INT_MAX : static_cast<int>(options_.lens.growth * keyframes);
-  stage_times_.Add("lens", watch.Milliseconds());
+  if (finding.is_settled) next_lens_refinement_ = INT_MAX;
 }
 
 void LocalMapper::PublishChanges() {

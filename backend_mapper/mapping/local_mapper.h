@@ -3,6 +3,7 @@
 #include <atomic>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -11,6 +12,7 @@
 #include "base/statistics.h"
 #include "map/map.h"
 #include "map/protocol.h"
+#include "mapping/lens_refinement.h"
 #include "mapping/local_bundle_adjustment.h"
 #include "mapping/mapper_options.h"
 #include "mapping/point_fusion.h"
@@ -73,8 +75,10 @@ class LocalMapper {
   /// Hands the whole map to `publish`.
   void PublishSnapshot();
 
-  /// Looks for what the calibration left, as the map grows (see LensRefinementOptions), until it is found. Changes nothing in the map.
-  void RefineLens();
+  /// What to look for the calibration's residual in (FindRadialResidual), whenever the map has grown by enough (see LensRefinementOptions) and
+  /// until it is found. It is long work, so that the caller does it beside this one's, and brings the finding.
+  std::optional<BundleProblem> NextLensProblem();
+  void TakeLensFinding(const LensFinding& finding);
   /// What it found, for the frames to come; none before, and for an exact calibration.
   const RadialResidual& residual() const { return residual_; }
 
@@ -82,7 +86,7 @@ class LocalMapper {
   /// ApplyMapCorrection).
   Status ApplyCorrection(const MapCorrection& correction);
 
-  /// Milliseconds of the steps: insert, extend, fuse, local_ba, prune, lens.
+  /// Milliseconds of the steps: insert, extend, fuse, local_ba, prune.
   const StageTimes& stage_times() const { return stage_times_; }
 
  private:

@@ -2,6 +2,7 @@
 
 #include "base/result.h"
 #include "geometry/two_view.h"
+#include "map_optimization/landmark_fusion.h"
 
 namespace portolan {
 
@@ -29,12 +30,10 @@ struct PointCreationOptions {
 };
 
 /// Fusion of duplicates (paper Sec. 4.2, "new measurements").
-struct FusionOptions {
+struct FusionOptions : LandmarkFusionOptions {
   int neighbours = 10;        ///< covisible keyframes, best first
   int second_neighbours = 3;  ///< of each neighbour
   int max_keyframes = 20;     ///< both kinds together: bounds the work
-  double chi2 = 5.991;        ///< squared normalised distance of the feature to the projection
-  int max_distance = 50;      ///< Hamming
 };
 
 /// Local BA (paper Sec. 4.2).

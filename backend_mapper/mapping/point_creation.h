@@ -7,7 +7,7 @@
 
 #include "base/ids.h"
 #include "map/map.h"
-#include "mapping/keyframe_view.h"
+#include "map/keyframe_view.h"
 #include "mapping/mapper_options.h"
 
 namespace portolan {

@@ -2,9 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <set>
 
-#include "mapping/keyframe_view.h"
+#include "map/keyframe_view.h"
 #include "mapping/newest_keyframes.h"
 
 namespace portolan {
@@ -58,7 +59,7 @@ std::vector<MapPointId> FindUnreliablePoints(const Map& map, KeyFrameId keyframe
   for (const auto& [id, common] : map.CovisibleKeyFrames(keyframe, 1, static_cast<size_t>(options.max_checked))) {
     views.emplace_back(map.keyframe(id));
     for (const MapPointId landmark : map.keyframe(id).landmarks) {
-      if (landmark.IsValid() && map.point(landmark).observations.size() <= 2) weak.insert(landmark);
+      if (map.point(landmark).observations.size() <= 2) weak.insert(landmark);
     }
   }
   std::vector<MapPointId> unreliable;
@@ -73,16 +74,15 @@ std::vector<MapPointId> FindUnreliablePoints(const Map& map, KeyFrameId keyframe
 
 bool IsRedundant(const Map& map, KeyFrameId keyframe, const PruningOptions& options) {
   const KeyFrame& candidate = map.keyframe(keyframe);
-  const auto total =
-      std::count_if(candidate.landmarks.begin(), candidate.landmarks.end(), [](MapPointId id) { return id.IsValid(); });
+  const auto total = std::distance(candidate.landmarks.begin(), candidate.landmarks.end());
   // It stops as soon as more landmarks than this are its own.
   const double own_allowed = (1.0 - options.redundant_share) * static_cast<double>(total);
   int own = 0;
-  for (size_t feature = 0; feature < candidate.landmarks.size(); ++feature) {
-    if (!candidate.landmarks[feature].IsValid()) continue;
+  const std::vector<MapPointId> landmarks = candidate.landmarks.ByFeature();
+  for (size_t feature = 0; feature < landmarks.size(); ++feature) {
+    if (!landmarks[feature].IsValid()) continue;
     const int octave = candidate.data->features.octaves[feature];
-    if (IsSeenByOthers(map, map.point(candidate.landmarks[feature]), keyframe, octave, options.redundant_observers))
-      continue;
+    if (IsSeenByOthers(map, map.point(landmarks[feature]), keyframe, octave, options.redundant_observers)) continue;
     if (++own > own_allowed) return false;
   }
   return total > 0;

@@ -1,5 +1,6 @@
 #include "mapping/mapper_config.h"
 #include "process/mapper_process.h"
+#include "process/process_start.h"
 
 int main(int argc, char** argv) {
   using namespace portolan;
@@ -9,19 +10,8 @@ int main(int argc, char** argv) {
       [&](ConfigReader* config) { return ReadMapperOptions(config, &options); });
   if (setup.exit_code) return *setup.exit_code;
 
-  const auto vocabulary =
-      Vocabulary::Open(setup.options.vocabulary_file.empty() ? Vocabulary::DefaultPath() : setup.options.vocabulary_file);
-  if (!vocabulary) {
-    spdlog::error("{}", vocabulary.error().message);
-    return kExitBadInput;
-  }
-  ProcessLoop loop(4096);
-  std::string priority;
-  auto bus = StartProcess(setup.options, &priority);
-  if (!bus) {
-    spdlog::error("{}", bus.error().message);
-    return kExitFailure;
-  }
-  MapperProcess process(setup, options, *vocabulary, bus->get(), priority, &loop);
+  const ProcessStart start = ProcessStart::Make(setup, ProcessStart::Words::kHashAlone);
+  if (start.exit_code) return *start.exit_code;
+  MapperProcess process(setup, options, start.vocabulary_hash, start.bus.get(), start.priority, start.loop.get());
   return process.Run();
 }

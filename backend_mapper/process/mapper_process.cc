@@ -13,15 +13,16 @@ namespace {
 constexpr double kStatusPeriodS = 1.0;
 constexpr double kTickPeriodS = 0.15;  // well within the liveliness lease of 500 ms
 constexpr size_t kMaxEarly = 8;          // keyframes of a map whose grant is still on its way; the tracker sends them again
+constexpr int kBackgroundNiceSteps = 4;  // behind the mapping, as loop_closer is
 constexpr auto kRequestInterval = std::chrono::seconds(1);
 
 }  // namespace
 
-MapperProcess::MapperProcess(const ProcessSetup& setup, const MapperOptions& options, std::shared_ptr<const Vocabulary> vocabulary, Bus* bus,
+MapperProcess::MapperProcess(const ProcessSetup& setup, const MapperOptions& options, uint64_t vocabulary_hash, Bus* bus,
                              const std::string& priority, ProcessLoop* loop)
     : setup_(setup),
       options_(options),
-      vocabulary_(std::move(vocabulary)),
+      vocabulary_hash_(vocabulary_hash),
       bus_(bus),
       priority_(priority),
       loop_(loop),
@@ -31,7 +32,8 @@ MapperProcess::MapperProcess(const ProcessSetup& setup, const MapperOptions& opt
       state_writer_(bus->CreateWriter<MapperState>()),
       request_writer_(bus->CreateWriter<Request>()),
       snapshot_writer_(bus->CreateWriter<SnapshotRequest>()),
-      request_ids_(setup.options.robot, setup.session) {
+      request_ids_(setup.options.robot, setup.session),
+      background_(loop, kBackgroundNiceSteps) {
   state_.process = setup.process;
 }
 
@@ -171,8 +173,8 @@ void MapperProcess::OnDeltaChunk(const MapDeltaChunk& chunk) {
 }
 
 void MapperProcess::OnKeyFrame(const KeyFrameMessage& message) {
-  if (message.vocabulary_hash != vocabulary_->hash()) {
-    if (foreign_vocabulary_++ == 0) spdlog::error("keyframes made with another vocabulary ({:016x}, here {:016x}) are passed over", message.vocabulary_hash, vocabulary_->hash());
+  if (message.vocabulary_hash != vocabulary_hash_) {
+    if (foreign_vocabulary_++ == 0) spdlog::error("keyframes made with another vocabulary ({:016x}, here {:016x}) are passed over", message.vocabulary_hash, vocabulary_hash_);
     return;
   }
   if (message.kind == KeyFrameKind::kCopy) {
@@ -215,9 +217,30 @@ void MapperProcess::Take(LocalMapper* mapper, const KeyFrameMessage& message) {
   state_.last_keyframe = id;
   state_.epoch = mapper->map().epoch();
   state_.revision = mapper->map().revision();
-  if (!mapper->residual().IsNone()) {
-    state_.residual = mapper->residual();
-    options_.lens.enabled = false;  // new maps are made of frames that have it taken in
+  RefineLens(message.map, mapper);
+  PublishState(keyframes_waiting_ == 0);
+}
+
+void MapperProcess::RefineLens(MapId map, LocalMapper* mapper) {
+  if (!options_.lens.enabled || background_.busy()) return;
+  auto problem = mapper->NextLensProblem();
+  if (!problem) return;
+  state_.is_refining = true;
+  background_.Start([this, map, epoch = mapper->map().epoch(), problem = std::move(*problem), options = options_.lens](const std::atomic<bool>&) {
+    const LensFinding finding = FindRadialResidual(problem, options);
+    return [this, map, epoch, finding] { OnLensFinding(map, epoch, finding); };
+  });
+}
+
+void MapperProcess::OnLensFinding(MapId map, Epoch epoch, const LensFinding& finding) {
+  state_.is_refining = false;
+  const auto mapper = mappers_.find(map);
+  if (mapper != mappers_.end() && mapper->second->map().epoch() == epoch) {
+    mapper->second->TakeLensFinding(finding);
+    if (!finding.residual.IsNone()) {
+      state_.residual = finding.residual;
+      options_.lens.enabled = false;  // new maps are made of frames that have it taken in
+    }
   }
   PublishState(keyframes_waiting_ == 0);
 }
@@ -259,7 +282,7 @@ void MapperProcess::OnSnapshotRequest(const SnapshotRequest& request) {
     copy.kind = KeyFrameKind::kCopy;
     copy.data = *keyframe.data;
     copy.map = request.map;
-    copy.vocabulary_hash = vocabulary_->hash();
+    copy.vocabulary_hash = vocabulary_hash_;
     keyframe_writer_->Write(copy);
     status_.AssertLiveliness();
   }
@@ -270,9 +293,15 @@ void MapperProcess::OnCorrection(const MapCorrection& correction) {
   const auto mapper = mappers_.find(correction.map);
   if (mapper == mappers_.end()) return;
   ++corrections_;
-  if (Status applied = mapper->second->ApplyCorrection(correction); !applied) {
-    spdlog::warn("correction {} of {} refused: {}", correction.number, ToString(correction.process), applied.error().message);
-  }
+  const Status applied = mapper->second->ApplyCorrection(correction);
+  if (!applied) spdlog::warn("correction {} of {} refused: {}", correction.number, ToString(correction.process), applied.error().message);
+  state_.correction_process = correction.process;
+  state_.correction_number = correction.number;
+  state_.correction_refusal = applied ? "" : applied.error().message;
+  state_.map = correction.map;
+  state_.epoch = mapper->second->map().epoch();
+  state_.revision = mapper->second->map().revision();
+  PublishState(keyframes_waiting_ == 0);
 }
 
 void MapperProcess::OnTick() {

@@ -11,6 +11,7 @@
 #include "mapping/local_mapper.h"
 #include "process/process_setup.h"
 #include "process/status_publisher.h"
+#include "transport/background_work.h"
 #include "transport/process_loop.h"
 
 namespace portolan {
@@ -19,7 +20,7 @@ namespace portolan {
 /// requests, all on one owner thread. The tracker's interrupt comes in beside it and stops an optimisation under way.
 class MapperProcess {
  public:
-  MapperProcess(const ProcessSetup& setup, const MapperOptions& options, std::shared_ptr<const Vocabulary> vocabulary, Bus* bus,
+  MapperProcess(const ProcessSetup& setup, const MapperOptions& options, uint64_t vocabulary_hash, Bus* bus,
                 const std::string& priority, ProcessLoop* loop);
   ~MapperProcess();
 
@@ -45,13 +46,15 @@ class MapperProcess {
   bool ContinueTakeover(Takeover* takeover);
   void Take(LocalMapper* mapper, const KeyFrameMessage& message);
   Status TakeIntoMap(LocalMapper* mapper, std::shared_ptr<const KeyFrameData> data, const KeyFrameMessage& message);
+  void RefineLens(MapId map, LocalMapper* mapper);
+  void OnLensFinding(MapId map, Epoch epoch, const LensFinding& finding);
   void PublishDelta(const MapDelta& delta);
   void PublishState(bool idle);
   void Register();
 
   const ProcessSetup& setup_;
   MapperOptions options_;
-  std::shared_ptr<const Vocabulary> vocabulary_;
+  const uint64_t vocabulary_hash_;
   Bus* bus_;
   std::string priority_;
   ProcessLoop* loop_;
@@ -82,6 +85,7 @@ class MapperProcess {
   uint64_t taken_ = 0, refused_ = 0, interrupts_ = 0, foreign_vocabulary_ = 0, early_dropped_ = 0, corrections_ = 0;
   StageTimes process_times_;
   int exit_code_ = kExitOk;
+  BackgroundWork background_;
 };
 
 }  // namespace portolan

@@ -7,4 +7,5 @@ install(EXPORT portolan_commonTargets NAMESPACE portolan_common:: DESTINATION li
 install(DIRECTORY ${CMAKE_CURRENT_SOURCE_DIR}/ DESTINATION include/portolan FILES_MATCHING PATTERN "*.h")
 configure_package_config_file(cmake/portolan_commonConfig.cmake.in ${CMAKE_CURRENT_BINARY_DIR}/portolan_commonConfig.cmake
   INSTALL_DESTINATION lib/cmake/portolan_common)
+portolan_install_version()
 install(FILES ${CMAKE_CURRENT_BINARY_DIR}/portolan_commonConfig.cmake DESTINATION lib/cmake/portolan_common)

@@ -49,6 +49,7 @@ struct FakeOptions {
   bool live = false;
   bool peeks = false;         ///< PeekStamp() knows the stamp
   Progress* calls = nullptr;  ///< told at the start of every Next()
+  Progress* go_on = nullptr;  ///< the second frame waits for its first step
 };
 
 /// Frames of one pixel at even intervals.
@@ -57,6 +58,7 @@ class FakeSource : public ImageSource {
   explicit FakeSource(const FakeOptions& options) : options_(options) {}
   Result<std::optional<Image>> Next() override {
     if (options_.calls) options_.calls->AddStep();
+    if (options_.go_on && next_ == 1) options_.go_on->WaitForSteps(1);
     if (next_ == options_.num_frames) return std::optional<Image>();
     const int frame = next_++;
     for (const int unreadable : options_.unreadable) {
@@ -162,13 +164,15 @@ TEST(PlayerTest, ThePlaybackStartsWithTheFirstWait) {
 
 /// The consumer takes one frame and comes back when all others have come.
 TEST(PlayerTest, InRealTimeTheOldestFramesGoWhenNobodyTakesThem) {
-  Progress calls;
+  Progress calls, taken;
   FakeOptions fake;
   fake.num_frames = 20;
   fake.interval = 1e-4;
   fake.calls = &calls;
+  fake.go_on = &taken;
   Player player(MakeSource(fake), {PlaybackMode::kRealTime, 1, 3});
   EXPECT_EQ(player.WaitForNext()->image.frame, 0u);
+  taken.AddStep();
   calls.WaitForSteps(21);  // the call that finds the end
   EXPECT_THAT(PlayToEnd(&player), ElementsAre(17, 18, 19));
   EXPECT_EQ(player.report().delivered, 4u);

@@ -19,7 +19,8 @@ constexpr double kPadding = 0.05;    // free space around the trajectories, of t
 constexpr double kGapIntervals = 5;  // a line breaks where this many median intervals have no pose
 constexpr double kTicksOnLongSide = 10;
 constexpr double kTextSize = 14, kSmallTextSize = 12;
-constexpr PlotColor kInk{40, 40, 40}, kGrid{228, 228, 228}, kTruth{120, 120, 120};
+constexpr PlotColor kInk{40, 40, 40}, kGrid{228, 228, 228}, kTruth{120, 120, 120}, kClosure{200, 0, 60};
+constexpr double kClosureDot = 3.5;  // radius: a good closure's line is too short to be seen
 /// Okabe and Ito's palette, told apart by colour-blind readers too.
 constexpr std::array<PlotColor, 7> kMapColors{
     {{0, 114, 178}, {213, 94, 0}, {0, 158, 115}, {204, 121, 167}, {230, 159, 0}, {86, 180, 233}, {148, 103, 60}}};
@@ -33,6 +34,7 @@ struct Series {
   double width = 2;
   std::string name;
   std::string detail;
+  double end_dot = 0;  // radius of dots at the ends of its lines
 };
 
 std::vector<Polyline> SplitAtGaps(const Trajectory& trajectory, const Sim3d& truth_from_map) {
@@ -45,13 +47,46 @@ std::vector<Polyline> SplitAtGaps(const Trajectory& trajectory, const Sim3d& tru
   return lines;
 }
 
-std::vector<Series> MakeSeries(const Evaluation& evaluation, bool per_map) {
+const std::optional<Sim3d>& AlignmentOf(const AlignedMap& map, const Evaluation& evaluation, bool per_map) {
+  return per_map ? map.truth_from_map : evaluation.joined.truth_from_map;
+}
+
+/// Where the estimate has the camera at a time, aligned.
+std::optional<Eigen::Vector3d> PositionAt(Timestamp stamp, const Evaluation& evaluation, bool per_map) {
+  std::optional<Eigen::Vector3d> position_in_truth;
+  double nearest = evaluation.max_dt;
+  for (const AlignedMap& map : evaluation.maps) {
+    const std::optional<Sim3d>& truth_from_map = AlignmentOf(map, evaluation, per_map);
+    if (!truth_from_map) continue;
+    for (const TrajectoryPose& pose : map.estimate) {
+      const double dt = std::abs(SecondsBetween(pose.stamp, stamp));
+      if (dt > nearest) continue;
+      nearest = dt;
+      position_in_truth = *truth_from_map * pose.world_from_camera.translation;
+    }
+  }
+  return position_in_truth;
+}
+
+Series MakeClosures(const std::vector<LoopClosure>& closures, const Evaluation& evaluation, bool per_map) {
+  Series series{{}, kClosure, 1.5, "loop closures", std::to_string(closures.size()), kClosureDot};
+  for (const LoopClosure& closure : closures) {
+    const auto here = PositionAt(closure.stamp, evaluation, per_map);
+    const auto before = PositionAt(closure.matched_stamp, evaluation, per_map);
+    if (here && before) series.lines.push_back({*before, *here});
+  }
+  const size_t not_drawn = closures.size() - series.lines.size();
+  if (not_drawn > 0) series.detail += fmt::format(", {} without a pose", not_drawn);
+  return series;
+}
+
+std::vector<Series> MakeSeries(const Evaluation& evaluation, const TrajectoryPlotOptions& options) {
   std::vector<Series> all;
   all.push_back({SplitAtGaps(evaluation.truth, Sim3d()), kTruth, 3.5, "ground truth",
-                 fmt::format("{} poses", evaluation.truth.size())});
+                 fmt::format("{} poses", evaluation.truth.size()), 0});
   for (size_t i = 0; i < evaluation.maps.size(); ++i) {
     const AlignedMap& map = evaluation.maps[i];
-    const std::optional<Sim3d>& truth_from_map = per_map ? map.truth_from_map : evaluation.joined.truth_from_map;
+    const std::optional<Sim3d>& truth_from_map = AlignmentOf(map, evaluation, options.per_map);
     Series series;
     series.color = kMapColors[i % kMapColors.size()];
     series.name = evaluation.maps.size() > 1 ? fmt::format("map {}", map.map) : "estimate";
@@ -60,10 +95,11 @@ std::vector<Series> MakeSeries(const Evaluation& evaluation, bool per_map) {
       series.detail += ", not aligned";
     } else {
       series.lines = SplitAtGaps(map.estimate, *truth_from_map);
-      if (per_map) series.detail += fmt::format(", ATE {:.4g}", map.ate.rmse);
+      if (options.per_map) series.detail += fmt::format(", ATE {:.4g}", map.ate.rmse);
     }
     all.push_back(std::move(series));
   }
+  if (options.closures) all.push_back(MakeClosures(*options.closures, evaluation, options.per_map));
   return all;
 }
 
@@ -151,10 +187,18 @@ void DrawGrid(const Projection& projection, PlotCanvas* canvas) {
   canvas->AddText({16, kTop + projection.height() / 2}, std::string(1, projection.up_name()), kTextSize, kInk);
 }
 
+void DrawLine(std::vector<PlotPoint> points, const Series& series, PlotCanvas* canvas) {
+  if (series.end_dot > 0) {
+    canvas->AddDot(points.front(), series.end_dot, series.color);
+    canvas->AddDot(points.back(), series.end_dot, series.color);
+  }
+  canvas->AddLine(std::move(points), series.color, series.width);
+}
+
 void DrawLegend(const std::vector<Series>& all, const Evaluation& evaluation, double left, PlotCanvas* canvas) {
   double y = kTop + 12;
   for (const Series& series : all) {
-    canvas->AddLine({{left, y}, {left + 30, y}}, series.color, series.width);
+    DrawLine({{left, y}, {left + 30, y}}, series, canvas);
     canvas->AddText({left + 40, y + 4}, series.name, kTextSize, kInk);
     canvas->AddText({left + 40, y + 20}, series.detail, kSmallTextSize, kTruth);
     y += 40;
@@ -176,7 +220,7 @@ void DrawLegend(const std::vector<Series>& all, const Evaluation& evaluation, do
 }  // namespace
 
 PlotCanvas DrawTrajectories(const Evaluation& evaluation, const TrajectoryPlotOptions& options) {
-  const std::vector<Series> all = MakeSeries(evaluation, options.per_map);
+  const std::vector<Series> all = MakeSeries(evaluation, options);
   const Projection projection(all);
   constexpr double kLegendRow = 40, kLegendRest = 100;
   const double body = std::max(projection.height(), kLegendRow * static_cast<double>(all.size()) + kLegendRest);
@@ -187,7 +231,7 @@ PlotCanvas DrawTrajectories(const Evaluation& evaluation, const TrajectoryPlotOp
     for (const Polyline& line : series.lines) {
       std::vector<PlotPoint> points;
       for (const Eigen::Vector3d& point : line) points.push_back(projection.ToPixels(point));
-      canvas.AddLine(std::move(points), series.color, series.width);
+      DrawLine(std::move(points), series, &canvas);
     }
   }
   canvas.AddDot(projection.ToPixels(all[0].lines.front().front()), 6, kInk);

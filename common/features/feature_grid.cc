@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "base/check.h"
 
@@ -17,6 +18,7 @@ int CellAlong(double coordinate_px, double cell_px, int cells) {
 
 FeatureGrid::FeatureGrid(const FeatureSet& features, int width, int height) {
   PORTOLAN_CHECK(width > 0 && height > 0) << width << "x" << height;
+  PORTOLAN_CHECK(features.size() <= kMaxFeatures) << features.size() << " features";
   columns_ = static_cast<int>(std::ceil(width / kCellPx));
   rows_ = static_cast<int>(std::ceil(height / kCellPx));
   std::vector<size_t> cell_of(features.size());
@@ -27,10 +29,10 @@ FeatureGrid::FeatureGrid(const FeatureSet& features, int width, int height) {
                                      CellAlong(pixel_px.x(), kCellPx, columns_));
     ++cell_begin_[cell_of[i] + 1];
   }
-  for (size_t cell = 1; cell < cell_begin_.size(); ++cell) cell_begin_[cell] += cell_begin_[cell - 1];
-  std::vector<uint32_t> next(cell_begin_.begin(), cell_begin_.end() - 1);
+  std::partial_sum(cell_begin_.begin(), cell_begin_.end(), cell_begin_.begin());
+  std::vector<uint16_t> next(cell_begin_.begin(), cell_begin_.end() - 1);
   indices_.resize(features.size());
-  for (size_t i = 0; i < features.size(); ++i) indices_[next[cell_of[i]]++] = static_cast<uint32_t>(i);
+  for (size_t i = 0; i < features.size(); ++i) indices_[next[cell_of[i]]++] = static_cast<uint16_t>(i);
 }
 
 void FeatureGrid::Find(const FeatureSet& features, const Eigen::Vector2d& centre_px, double radius_px, int min_octave,

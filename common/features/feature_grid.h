@@ -8,9 +8,12 @@
 
 namespace portolan {
 
-/// Features of one image by location, for window searches. Immutable after construction.
+/// Features of one image by location, for window searches. Immutable after construction. At most kMaxFeatures, so that
+/// each takes 2 bytes: every keyframe of a mapper has one.
 class FeatureGrid {
  public:
+  static constexpr size_t kMaxFeatures = 65535;
+
   FeatureGrid() = default;
   /// @param width, height of the image, pixels.
   FeatureGrid(const FeatureSet& features, int width, int height);
@@ -23,8 +26,8 @@ class FeatureGrid {
  private:
   static constexpr double kCellPx = 16.0;
   int columns_ = 0, rows_ = 0;
-  std::vector<uint32_t> cell_begin_;  // columns_ * rows_ + 1 offsets into indices_
-  std::vector<uint32_t> indices_;
+  std::vector<uint16_t> cell_begin_;  // columns_ * rows_ + 1 offsets into indices_
+  std::vector<uint16_t> indices_;
 };
 
 }  // namespace portolan

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <limits>
 
+#include "base/check.h"
 #include "base/random.h"
 
 namespace portolan {
@@ -67,6 +68,18 @@ TEST(FeatureGrid, FindsNothingInEmptyOrFarOrNanWindows) {
   grid.Find(features, {1e12, -1e12}, 100, 0, 7, &found);
   grid.Find(features, {100, 100}, -1, 0, 7, &found);
   EXPECT_TRUE(found.empty());
+}
+
+TEST(FeatureGrid, HoldsAsManyAsTwoBytesCount) {
+  FeatureSet features;
+  features.pixels_px.assign(FeatureGrid::kMaxFeatures, {5, 5});
+  features.pixels_px.back() = {kWidth - 5, kHeight - 5};
+  features.octaves.resize(features.size());
+  std::vector<uint32_t> found;
+  FeatureGrid(features, kWidth, kHeight).Find(features, {kWidth - 5, kHeight - 5}, 1, 0, 7, &found);
+  EXPECT_EQ(found, (std::vector<uint32_t>{FeatureGrid::kMaxFeatures - 1}));
+  features.pixels_px.push_back({5, 5});
+  EXPECT_THROW(FeatureGrid(features, kWidth, kHeight), CheckFailure);
 }
 
 }  // namespace

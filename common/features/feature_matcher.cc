@@ -77,14 +77,6 @@ class OneToOne {
   std::vector<int> distances_;       // of the candidates at hand
 };
 
-/// Those of the features that may be used.
-std::vector<uint32_t> Select(const std::vector<uint32_t>& features, const std::function<bool(uint32_t)>& use) {
-  if (!use) return features;
-  std::vector<uint32_t> selected;
-  std::copy_if(features.begin(), features.end(), std::back_inserter(selected), use);
-  return selected;
-}
-
 /// Bin of the rotation from `first` to `second`; bin 0 is centred on no rotation.
 size_t RotationBin(float first_rad, float second_rad) {
   const double turns = (static_cast<double>(second_rad) - first_rad) / (2 * M_PI);
@@ -99,14 +91,17 @@ std::vector<FeatureMatch> MatchByNodes(const FeatureSet& first, const NodeFeatur
                                        const MatcherOptions& options, const std::function<bool(uint32_t)>& use_first,
                                        const std::function<bool(uint32_t)>& use_second) {
   OneToOne matches(first, second, options);
-  auto second_node = second_nodes.begin();
-  for (const auto& [node, first_features] : first_nodes) {
-    while (second_node != second_nodes.end() && second_node->first < node) ++second_node;
-    if (second_node == second_nodes.end()) break;
-    if (second_node->first != node) continue;
-    const std::vector<uint32_t> candidates = Select(second_node->second, use_second);
-    for (uint32_t i : first_features) {
-      if (!use_first || use_first(i)) matches.MatchFeature(i, candidates);
+  std::vector<uint32_t> candidates;  // of the second image in the node at hand
+  auto next_second = second_nodes.begin();
+  for (auto next_first = first_nodes.begin(); next_first != first_nodes.end();) {
+    const uint32_t node = next_first->first;
+    while (next_second != second_nodes.end() && next_second->first < node) ++next_second;
+    candidates.clear();
+    for (; next_second != second_nodes.end() && next_second->first == node; ++next_second) {
+      if (!use_second || use_second(next_second->second)) candidates.push_back(next_second->second);
+    }
+    for (; next_first != first_nodes.end() && next_first->first == node; ++next_first) {
+      if (!use_first || use_first(next_first->second)) matches.MatchFeature(next_first->second, candidates);
     }
   }
   return matches.Finish();

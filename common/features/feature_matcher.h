@@ -3,7 +3,6 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <functional>
-#include <map>
 #include <utility>
 #include <vector>
 
@@ -25,9 +24,10 @@ struct MatcherOptions {
   bool check_orientation = true;  ///< matches must agree on one rotation in the image plane (three fullest of 30 bins)
 };
 
-/// Features of an image by node of the vocabulary tree at the direct index's level: node id -> feature indices,
-/// ascending.
-using NodeFeatures = std::map<uint32_t, std::vector<uint32_t>>;
+/// Features of an image by node of the vocabulary tree at the direct index's level: (node id, feature index), sorted.
+/// Flat and narrow, as every keyframe has one and most nodes a feature or two: 4 bytes a feature, of which a table of
+/// lists by node takes 50.
+using NodeFeatures = std::vector<std::pair<uint16_t, uint16_t>>;
 
 /// Matches features that share a vocabulary node (paper Sec. 2). One to one. `use_first(i)`, `use_second(j)` select
 /// features; null uses all.

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <set>
@@ -60,8 +61,9 @@ NodeFeatures NodesByModulus(const FeatureSet& features, bool reversed) {
   NodeFeatures nodes;
   for (uint32_t i = 0; i < features.size(); ++i) {
     const auto original = reversed ? static_cast<uint32_t>(features.size()) - 1 - i : i;
-    nodes[original % 7].push_back(i);
+    nodes.emplace_back(original % 7, i);
   }
+  std::sort(nodes.begin(), nodes.end());
   return nodes;
 }
 
@@ -90,8 +92,8 @@ TEST(MatchByNodes, FindsEveryFeatureAgain) {
 TEST(MatchByNodes, MatchesOnlyWithinANode) {
   const FeatureSet first = RandomFeatures(50, 2), second = SecondView(first, {0, 0}, 0);
   NodeFeatures first_nodes, second_nodes;
-  for (uint32_t i = 0; i < 50; ++i) first_nodes[2 * i].push_back(i);
-  for (uint32_t i = 0; i < 50; ++i) second_nodes[2 * i + 1].push_back(i);
+  for (uint32_t i = 0; i < 50; ++i) first_nodes.emplace_back(2 * i, i);
+  for (uint32_t i = 0; i < 50; ++i) second_nodes.emplace_back(2 * i + 1, i);
   EXPECT_TRUE(MatchByNodes(first, first_nodes, second, second_nodes, {}, nullptr, nullptr).empty());
   EXPECT_TRUE(MatchByNodes(first, {}, second, second_nodes, {}, nullptr, nullptr).empty());
 }

@@ -26,6 +26,8 @@ struct FeatureSet {
   std::vector<Descriptor> descriptors;     ///< N
 
   size_t size() const { return pixels_px.size(); }
+  /// False where orientations and descriptors were left out: who only follows a keyframe may do without them.
+  bool HasAppearance() const { return descriptors.size() == size(); }
 };
 
 /// The image pyramid that features come from: 8 levels, factor 1.2 (paper Sec. 7.1).

@@ -21,9 +21,12 @@ Eigen::Matrix3d TranslationOfTwist(const Eigen::Vector3d& omega, double sigma) {
 
 }  // namespace
 
+Rigid3d MakeRigid(const Sim3d& camera_from_map) {
+  return Rigid3d(camera_from_map.rotation.normalized(), camera_from_map.translation / camera_from_map.scale);
+}
+
 Rigid3d TransformPose(const Rigid3d& camera_from_a, const Sim3d& b_from_a) {
-  const Sim3d camera_from_b = Sim3d(camera_from_a) * b_from_a.Inverse();
-  return Rigid3d(camera_from_b.rotation, camera_from_b.translation / camera_from_b.scale);  // paper Eq. (13)
+  return MakeRigid(Sim3d(camera_from_a) * b_from_a.Inverse());
 }
 
 Sim3d ExpSim3(const Vector7d& twist) {

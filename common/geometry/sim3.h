@@ -30,6 +30,9 @@ struct Sim3d {
   }
 };
 
+/// A camera's similarity as a pose in the map's own units: [R t/s] (paper Eq. 13). The camera stays where it is.
+Rigid3d MakeRigid(const Sim3d& camera_from_map);
+
 /// camera_from_b of a camera whose pose was camera_from_a, with b_from_a a similarity between maps: the camera stays
 /// where it is in the scene and lengths change to b's units. Rigid: [R t/s] (paper Eq. 13).
 Rigid3d TransformPose(const Rigid3d& camera_from_a, const Sim3d& b_from_a);

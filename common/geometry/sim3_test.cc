@@ -44,6 +44,15 @@ TEST(Sim3dTest, LengthsGrowByTheScale) {
   EXPECT_NEAR((b_from_a * p - b_from_a * q).norm(), b_from_a.scale * (p - q).norm(), kExact);
 }
 
+TEST(MakeRigidTest, KeepsRaysAndCentre) {
+  Random random(8);
+  const Sim3d camera_from_map = RandomSim3(&random);
+  const Rigid3d rigid = MakeRigid(camera_from_map);
+  const Eigen::Vector3d in_map = RandomVector(&random);
+  EXPECT_THAT(camera_from_map.scale * (rigid * in_map), VectorNear(Eigen::Vector3d(camera_from_map * in_map), kExact));
+  EXPECT_THAT(rigid.TargetOriginInSource(), VectorNear(camera_from_map.Inverse().translation, kExact));
+}
+
 TEST(TransformPoseTest, CameraSeesTheTransformedPointsAtTheSamePixels) {
   Random random(5);
   for (int i = 0; i < kTrials; ++i) {

@@ -84,7 +84,7 @@ class DeltaChecker {
       const KeyFrame* known = map_.FindKeyFrame(state.id);
       size_t num_features = 0;
       if (known != nullptr) {
-        num_features = known->landmarks.size();
+        num_features = known->landmarks.num_features();
         if (known->parent != state.parent) known_parents_change_ = true;
       } else {
         const std::shared_ptr<const KeyFrameData> data = find_data_(state.id);
@@ -204,7 +204,7 @@ class DeltaChecker {
       if (!HasPoint(o->point)) return About("observed point", o->point, "is not known");
       if (!HasKeyFrame(o->keyframe)) return About("observing keyframe", o->keyframe, "is not known");
       const KeyFrame* known = map_.FindKeyFrame(o->keyframe);
-      const size_t num_features = known != nullptr ? known->landmarks.size() : new_keyframes_.at(o->keyframe);
+      const size_t num_features = known != nullptr ? known->landmarks.num_features() : new_keyframes_.at(o->keyframe);
       if (o->feature < -1 || o->feature >= static_cast<int64_t>(num_features)) {
         return Error{"feature " + std::to_string(o->feature) + " of keyframe " + ToString(o->keyframe) +
                      " is out of range"};
@@ -241,7 +241,7 @@ class DeltaChecker {
       const KeyFrame* known = map_.FindKeyFrame(id);
       if (known == nullptr) continue;
       for (const MapPointId landmark : known->landmarks) {
-        if (landmark.IsValid() && removed_points_.count(landmark) == 0) gains_.emplace_back(landmark, -1);
+        if (removed_points_.count(landmark) == 0) gains_.emplace_back(landmark, -1);
       }
     }
     std::sort(gains_.begin(), gains_.end());

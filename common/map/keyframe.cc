@@ -14,4 +14,16 @@ std::shared_ptr<const KeyFrameData> MakeKeyFrameData(KeyFrameData data, const Vo
   return std::make_shared<const KeyFrameData>(std::move(data));
 }
 
+std::shared_ptr<const KeyFrameData> WithoutAppearance(const KeyFrameData& data) {
+  KeyFrameData bare;
+  bare.id = data.id;
+  bare.stamp = data.stamp;
+  bare.frame = data.frame;
+  bare.camera = data.camera;
+  bare.pyramid = data.pyramid;
+  bare.features.pixels_px = data.features.pixels_px;
+  bare.features.octaves = data.features.octaves;
+  return std::make_shared<const KeyFrameData>(std::move(bare));
+}
+
 }  // namespace portolan

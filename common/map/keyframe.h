@@ -11,6 +11,7 @@
 #include "features/feature_set.h"
 #include "geometry/camera_model.h"
 #include "geometry/rigid3.h"
+#include "map/keyframe_landmarks.h"
 #include "vocabulary/vocabulary.h"
 
 namespace portolan {
@@ -36,12 +37,21 @@ constexpr int kDirectIndexLevel = 2;
 /// Fills in grid, bow and nodes. @param vocabulary may be null: bow and nodes stay empty (tests of geometry alone).
 std::shared_ptr<const KeyFrameData> MakeKeyFrameData(KeyFrameData data, const Vocabulary* vocabulary);
 
+/// The keyframe's bag for a KeyFrameIndex, which keeps the data alive for as long as it is indexed.
+inline std::shared_ptr<const BowVector> WordsOf(const std::shared_ptr<const KeyFrameData>& data) {
+  return {data, &data->bow};
+}
+
+/// The data without orientations and descriptors, four fifths of its bytes, and without what is derived: enough to follow
+/// the map it is in and to know its points' distances, for a replica that matches nothing.
+std::shared_ptr<const KeyFrameData> WithoutAppearance(const KeyFrameData& data);
+
 /// A keyframe in a map: shared data and small changing state.
 struct KeyFrame {
   std::shared_ptr<const KeyFrameData> data;
   Rigid3d camera_from_map;
   KeyFrameId parent;  ///< in the spanning tree; none for the map's first keyframe
-  std::vector<MapPointId> landmarks;  ///< one per feature, none where the feature is no landmark; mirrors the points' observations
+  KeyFrameLandmarks landmarks;  ///< mirrors the points' observations
 };
 
 }  // namespace portolan

@@ -14,7 +14,7 @@ TEST(LandmarkProjectionTest, PredictsPixelAndOctaveOfWhatAKeyFrameSees) {
   for (const auto& [id, keyframe] : map.keyframes()) {
     const KeyFrameData& data = *keyframe.data;
     const LandmarkProjection projection(data.camera, data.pyramid, keyframe.camera_from_map);
-    for (size_t f = 0; f < keyframe.landmarks.size(); ++f) {
+    for (size_t f = 0; f < keyframe.landmarks.num_features(); ++f) {
       if (!keyframe.landmarks[f].IsValid()) continue;
       const auto predicted = projection.Predict(map.point(keyframe.landmarks[f]));
       if (!predicted) continue;  // on the image border

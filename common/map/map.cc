@@ -62,7 +62,7 @@ void Map::AddKeyFrame(std::shared_ptr<const KeyFrameData> data, const Rigid3d& c
   PORTOLAN_CHECK(!parent.IsValid() || keyframes_.count(parent) == 1) << "parent " << parent << " is not in map " << id_;
   const KeyFrameId id = data->id;
   KeyFrame keyframe;
-  keyframe.landmarks.resize(data->features.size());
+  keyframe.landmarks = KeyFrameLandmarks(data->features.size());
   keyframe.data = std::move(data);
   keyframe.camera_from_map = camera_from_map;
   keyframe.parent = parent;
@@ -89,7 +89,6 @@ void Map::RemoveKeyFrame(KeyFrameId id) {
   PORTOLAN_CHECK(removed.parent.IsValid()) << "the first keyframe of a map can't be removed";
   std::vector<MapPointId> orphans;
   for (const MapPointId landmark : removed.landmarks) {
-    if (!landmark.IsValid()) continue;
     RemoveObservation(landmark, id);
     if (point(landmark).observations.size() < 2) orphans.push_back(landmark);
   }
@@ -98,7 +97,7 @@ void Map::RemoveKeyFrame(KeyFrameId id) {
   const Rigid3d removed_from_anchor =
       removed.camera_from_map * MutableKeyFrame(removed.parent).camera_from_map.Inverse();
   keyframes_.erase(id);
-  covisibility_.erase(id);
+  covisibility_.Forget(id);
   changes_.keyframes.erase(id);
   changes_.removed_keyframes.push_back({id, removed.parent, removed_from_anchor});
 }
@@ -149,7 +148,7 @@ void Map::MergePoints(MapPointId from, MapPointId into) {
 bool Map::AddObservation(MapPointId point_id, KeyFrameId keyframe_id, uint32_t feature) {
   MapPoint& point = MutablePoint(point_id);
   KeyFrame& keyframe = MutableKeyFrame(keyframe_id);
-  PORTOLAN_CHECK(feature < keyframe.landmarks.size()) << "feature " << feature << " of keyframe " << keyframe_id;
+  PORTOLAN_CHECK(feature < keyframe.landmarks.num_features()) << "feature " << feature << " of keyframe " << keyframe_id;
   if (keyframe.landmarks[feature].IsValid() || point.FindObservation(keyframe_id) != nullptr) return false;
   LinkObservation(&point, keyframe_id, feature);
   changes_.observations[{point_id, keyframe_id}] = static_cast<int32_t>(feature);
@@ -165,26 +164,17 @@ void Map::RemoveObservation(MapPointId point_id, KeyFrameId keyframe_id) {
 }
 
 void Map::LinkObservation(MapPoint* point, KeyFrameId keyframe, uint32_t feature) {
-  auto& neighbours = covisibility_[keyframe];
-  for (const Observation& o : point->observations) {
-    ++neighbours[o.keyframe];
-    ++covisibility_[o.keyframe][keyframe];
-  }
+  for (const Observation& o : point->observations) covisibility_.Add(keyframe, o.keyframe);
   point->observations.insert(LowerBound(point->observations, keyframe), Observation{keyframe, feature});
-  MutableKeyFrame(keyframe).landmarks[feature] = point->id;
+  MutableKeyFrame(keyframe).landmarks.Set(feature, point->id);
   MarkStale(point, kGeometryStale | kDescriptorStale);
 }
 
 void Map::UnlinkObservation(MapPoint* point, size_t index) {
   const Observation removed = point->observations[index];
   point->observations.erase(point->observations.begin() + static_cast<ptrdiff_t>(index));
-  MutableKeyFrame(removed.keyframe).landmarks[removed.feature] = MapPointId();
-  auto& neighbours = covisibility_[removed.keyframe];
-  for (const Observation& o : point->observations) {
-    auto& theirs = covisibility_[o.keyframe];
-    if (--theirs[removed.keyframe] == 0) theirs.erase(removed.keyframe);
-    if (--neighbours[o.keyframe] == 0) neighbours.erase(o.keyframe);
-  }
+  MutableKeyFrame(removed.keyframe).landmarks.Set(removed.feature, MapPointId());
+  for (const Observation& o : point->observations) covisibility_.Remove(removed.keyframe, o.keyframe);
   MarkStale(point, kGeometryStale | kDescriptorStale);
 }
 
@@ -193,23 +183,19 @@ void Map::UnlinkAll(MapPoint* point) {
 }
 
 int Map::Covisibility(KeyFrameId a, KeyFrameId b) const {
-  const auto neighbours = covisibility_.find(a);
-  if (neighbours == covisibility_.end()) return 0;
-  const auto found = neighbours->second.find(b);
-  return found == neighbours->second.end() ? 0 : found->second;
+  return covisibility_.Common(a, b);
 }
 
 std::vector<std::pair<KeyFrameId, int>> Map::CovisibleKeyFrames(KeyFrameId id, int min_common, size_t most) const {
   std::vector<std::pair<KeyFrameId, int>> result;
-  const auto neighbours = covisibility_.find(id);
-  if (neighbours == covisibility_.end()) return result;
-  for (const auto& entry : neighbours->second) {
-    if (entry.second >= min_common) result.push_back(entry);
+  for (const auto& neighbour : covisibility_.Of(id)) {
+    if (neighbour.second >= min_common) result.push_back(neighbour);
   }
-  std::sort(result.begin(), result.end(), [](const auto& a, const auto& b) {
+  const size_t kept = most > 0 ? std::min(most, result.size()) : result.size();
+  std::partial_sort(result.begin(), result.begin() + static_cast<ptrdiff_t>(kept), result.end(), [](const auto& a, const auto& b) {
     return a.second != b.second ? a.second > b.second : a.first < b.first;
   });
-  if (most > 0 && result.size() > most) result.resize(most);
+  result.resize(kept);
   return result;
 }
 
@@ -225,7 +211,6 @@ double Map::MedianDepth(KeyFrameId id) const {
   const KeyFrame& keyframe = this->keyframe(id);
   std::vector<double> depths;
   for (const MapPointId landmark : keyframe.landmarks) {
-    if (!landmark.IsValid()) continue;
     depths.push_back((keyframe.camera_from_map * points_.at(landmark).position_in_map.cast<double>()).z());
   }
   if (depths.empty()) return 0;

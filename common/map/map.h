@@ -12,6 +12,7 @@
 
 #include "base/ids.h"
 #include "base/result.h"
+#include "map/covisibility_graph.h"
 #include "map/keyframe.h"
 #include "map/map_delta.h"
 #include "map/map_point.h"
@@ -82,6 +83,9 @@ class Map {
   /// older epoch or (unless it is a snapshot) a newer one, missing keyframe data, or what CheckDelta (delta_check.h)
   /// finds. A valid map stays valid, whatever comes.
   Status Apply(const MapDelta& delta, const FindData& find_data);
+  /// Goes on without a keyframe's orientations and descriptors (WithoutAppearance). Its points keep the descriptors they
+  /// have; later ones come from keyframes that still have theirs.
+  void DropAppearance(KeyFrameId id, std::shared_ptr<const KeyFrameData> bare);
 
   // Covisibility: keyframes that see common points, by number of common points (paper Sec. 4: the pose graph's weight).
   /// Number of points that both see; 0 if unknown.
@@ -121,7 +125,7 @@ class Map {
   Revision revision_ = 0;
   std::map<KeyFrameId, KeyFrame> keyframes_;
   std::unordered_map<MapPointId, MapPoint> points_;
-  std::unordered_map<KeyFrameId, std::unordered_map<KeyFrameId, int>> covisibility_;
+  CovisibilityGraph covisibility_;
   std::vector<MapPointId> stale_points_;  // derived fields out of date; some may be gone
   std::set<KeyFrameId> moved_keyframes_;  // what they see is stale too; some may be gone
   Changes changes_;

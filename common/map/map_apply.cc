@@ -4,6 +4,7 @@
 #include <string>
 #include <utility>
 
+#include "base/check.h"
 #include "map/delta_check.h"
 #include "map/map.h"
 
@@ -14,7 +15,7 @@ constexpr size_t kMinObservations = 2;  // of a point: with fewer it has no posi
 
 MapDelta::KeyFrameState StateOf(const KeyFrame& keyframe) {
   return {keyframe.data->id, keyframe.camera_from_map, keyframe.parent,
-          static_cast<uint32_t>(keyframe.landmarks.size())};
+          static_cast<uint32_t>(keyframe.landmarks.num_features())};
 }
 
 }  // namespace
@@ -55,6 +56,10 @@ MapDelta Map::Snapshot() const {
   delta.revision = revision_;
   // Parents before children, so that a part of a snapshot never refers ahead: ids rise with age.
   for (const auto& [id, keyframe] : keyframes_) delta.keyframes.push_back(StateOf(keyframe));
+  size_t num_observations = 0;
+  for (const auto& [id, point] : points_) num_observations += point.observations.size();
+  delta.points.reserve(points_.size());
+  delta.observations.reserve(num_observations);
   for (const MapPointId id : SortedPointIds()) {
     const MapPoint& point = points_.at(id);
     if (point.observations.size() < kMinObservations) continue;
@@ -99,6 +104,12 @@ Status Map::Apply(const MapDelta& delta, const FindData& find_data) {
   return checked;
 }
 
+void Map::DropAppearance(KeyFrameId id, std::shared_ptr<const KeyFrameData> bare) {
+  KeyFrame& keyframe = MutableKeyFrame(id);
+  PORTOLAN_CHECK(bare->id == id && bare->features.size() == keyframe.landmarks.num_features()) << "data of " << bare->id;
+  keyframe.data = std::move(bare);
+}
+
 void Map::ApplyChecked(const MapDelta& delta, const FindData& find_data) {
   ApplyRemovals(delta);
   for (const auto& state : delta.keyframes) {
@@ -130,12 +141,10 @@ void Map::ApplyRemovals(const MapDelta& delta) {
   for (const auto& removed : delta.removed_keyframes) {
     const KeyFrame* keyframe = FindKeyFrame(removed.id);
     if (keyframe == nullptr) continue;
-    const std::vector<MapPointId> landmarks = keyframe->landmarks;
-    for (const MapPointId landmark : landmarks) {
-      if (landmark.IsValid()) RemoveObservation(landmark, removed.id);
-    }
+    const KeyFrameLandmarks landmarks = keyframe->landmarks;
+    for (const MapPointId landmark : landmarks) RemoveObservation(landmark, removed.id);
     keyframes_.erase(removed.id);
-    covisibility_.erase(removed.id);
+    covisibility_.Forget(removed.id);
   }
 }
 

@@ -51,8 +51,9 @@ std::vector<std::string> ValidateMap(const Map& map) {
       }
       ancestor = map.keyframe(ancestor).parent;
     }
-    for (size_t feature = 0; feature < keyframe.landmarks.size(); ++feature) {
-      const MapPointId landmark = keyframe.landmarks[feature];
+    const std::vector<MapPointId> landmarks = keyframe.landmarks.ByFeature();
+    for (size_t feature = 0; feature < landmarks.size(); ++feature) {
+      const MapPointId landmark = landmarks[feature];
       if (!landmark.IsValid()) continue;
       const MapPoint* point = map.FindPoint(landmark);
       const Observation* observation = point != nullptr ? point->FindObservation(id) : nullptr;
@@ -71,7 +72,7 @@ std::vector<std::string> ValidateMap(const Map& map) {
       const Observation& o = point.observations[i];
       if (i > 0 && !(point.observations[i - 1].keyframe < o.keyframe)) violated(name + " has observations out of order");
       const KeyFrame* keyframe = map.FindKeyFrame(o.keyframe);
-      if (keyframe == nullptr || o.feature >= keyframe->landmarks.size() || keyframe->landmarks[o.feature] != id) {
+      if (keyframe == nullptr || o.feature >= keyframe->landmarks.num_features() || keyframe->landmarks[o.feature] != id) {
         violated(name + " is seen by " + ToString(o.keyframe) + " that does not know of it");
       }
     }

@@ -6,8 +6,19 @@ namespace portolan {
 namespace {
 
 template <class T>
-void Append(std::vector<T>* to, std::vector<T>&& from) {
+void Append(std::vector<T>* to, const std::vector<T>& from) {
   to->insert(to->end(), from.begin(), from.end());
+}
+
+template <class T>
+size_t BytesOf(const std::vector<T>& list) {
+  return list.capacity() * sizeof(T);
+}
+
+/// What a part takes while it waits, with its place among the parts.
+size_t HeldBytes(const MapDelta& part) {
+  return sizeof(std::map<uint32_t, MapDelta>::value_type) + BytesOf(part.removed_points) +
+         BytesOf(part.removed_keyframes) + BytesOf(part.keyframes) + BytesOf(part.points) + BytesOf(part.observations);
 }
 
 bool SameDelta(const MapDelta& a, const MapDelta& b) {
@@ -21,6 +32,18 @@ MapDelta HeaderOf(const MapDelta& delta) {
   header.base_revision = delta.base_revision;
   header.revision = delta.revision;
   return header;
+}
+
+MapDelta Join(MapDelta header, std::map<uint32_t, MapDelta> parts) {
+  MapDelta whole = std::move(header);
+  for (const auto& [index, part] : parts) {
+    Append(&whole.removed_points, part.removed_points);
+    Append(&whole.removed_keyframes, part.removed_keyframes);
+    Append(&whole.keyframes, part.keyframes);
+    Append(&whole.points, part.points);
+    Append(&whole.observations, part.observations);
+  }
+  return whole;
 }
 
 /// Fills chunks one after another with elements of the delta's lists.
@@ -73,36 +96,51 @@ std::vector<MapDeltaChunk> SplitDelta(const MapDelta& delta, size_t max_elements
 }
 
 std::vector<MapDelta> DeltaAssembler::Add(MapDeltaChunk chunk) {
+  if (chunk.index >= chunk.count) return {};
   if (chunk.count == 1) return {std::move(chunk.part)};
-  auto found = std::find_if(pending_.begin(), pending_.end(),
-                            [&](const Pending& p) { return SameDelta(p.header, chunk.part); });
-  if (found != pending_.end() && found->parts.size() != chunk.count) {
-    pending_.erase(found);
-    found = pending_.end();
-    ++dropped_;
+  Pending& pending = PendingOf(chunk);
+  const auto [part, is_new] = pending.parts.try_emplace(chunk.index, std::move(chunk.part));
+  if (!is_new) return {};
+  if (pending.parts.size() == pending.count) {
+    MapDelta whole = Join(std::move(pending.header), std::move(pending.parts));
+    pending_.erase(pending_.begin() + (&pending - pending_.data()));
+    return {std::move(whole)};
   }
-  if (found == pending_.end()) {
-    if (pending_.size() >= kMaxPending) {
-      pending_.erase(pending_.begin());
-      ++dropped_;
-    }
-    pending_.push_back(Pending{HeaderOf(chunk.part), std::vector<std::optional<MapDelta>>(chunk.count), chunk.count});
-    found = std::prev(pending_.end());
-  }
-  if (chunk.index >= chunk.count || found->parts[chunk.index]) return {};
-  found->parts[chunk.index] = std::move(chunk.part);
-  if (--found->missing > 0) return {};
+  pending.bytes += HeldBytes(part->second);
+  MakeRoom();
+  return {};
+}
 
-  MapDelta whole = found->header;
-  for (std::optional<MapDelta>& part : found->parts) {
-    Append(&whole.removed_points, std::move(part->removed_points));
-    Append(&whole.removed_keyframes, std::move(part->removed_keyframes));
-    Append(&whole.keyframes, std::move(part->keyframes));
-    Append(&whole.points, std::move(part->points));
-    Append(&whole.observations, std::move(part->observations));
+size_t DeltaAssembler::pending_bytes() const {
+  size_t sum = 0;
+  for (const Pending& pending : pending_) sum += pending.bytes;
+  return sum;
+}
+
+DeltaAssembler::Pending& DeltaAssembler::PendingOf(const MapDeltaChunk& chunk) {
+  const auto found =
+      std::find_if(pending_.begin(), pending_.end(), [&](const Pending& p) { return SameDelta(p.header, chunk.part); });
+  if (found != pending_.end()) {
+    if (found->count == chunk.count) return *found;
+    Drop(found);
   }
-  pending_.erase(found);
-  return {std::move(whole)};
+  if (pending_.size() >= kMaxPending) Drop(pending_.begin());
+  pending_.emplace_back();
+  pending_.back().header = HeaderOf(chunk.part);
+  pending_.back().count = chunk.count;
+  return pending_.back();
+}
+
+void DeltaAssembler::MakeRoom() {
+  while (pending_bytes() > max_pending_bytes_) {
+    Drop(std::max_element(pending_.begin(), pending_.end(),
+                          [](const Pending& a, const Pending& b) { return a.bytes < b.bytes; }));
+  }
+}
+
+void DeltaAssembler::Drop(std::vector<Pending>::iterator pending) {
+  pending_.erase(pending);
+  ++dropped_;
 }
 
 }  // namespace portolan

@@ -2,7 +2,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
-#include <optional>
+#include <map>
 #include <utility>
 #include <vector>
 
@@ -70,21 +70,36 @@ struct MapDeltaChunk {
 /// Splits a delta into chunks of at most max_elements (summed over its lists); always at least one.
 std::vector<MapDeltaChunk> SplitDelta(const MapDelta& delta, size_t max_elements);
 
-/// Puts the chunks of deltas together again. Chunks may come in any order and more than once.
+/// Puts the chunks of deltas together again. Chunks may come in any order and more than once. Holds what came of
+/// unfinished deltas and no more, whatever number of chunks they claim to have.
 class DeltaAssembler {
  public:
-  /// @return the whole delta when this chunk completes it, else nothing. A chunk whose count contradicts its delta's starts the delta anew. At most
-  /// kMaxPending unfinished deltas are kept, the newest; those that go are counted.
+  /// Of unfinished deltas at a time: some ten million observations, of thirty thousand keyframes.
+  static constexpr size_t kMaxPendingBytes = size_t{256} << 20;
+
+  explicit DeltaAssembler(size_t max_pending_bytes = kMaxPendingBytes) : max_pending_bytes_(max_pending_bytes) {}
+
+  /// @return the whole delta when this chunk completes it, else nothing. A chunk whose count contradicts its delta's
+  /// starts the delta anew. At most kMaxPending unfinished deltas are kept, the newest, and of those at most
+  /// max_pending_bytes: who takes most of the room goes first. Those that go are counted.
   std::vector<MapDelta> Add(MapDeltaChunk chunk);
   uint64_t dropped() const { return dropped_; }
+  /// What the unfinished deltas take.
+  size_t pending_bytes() const;
 
  private:
   static constexpr size_t kMaxPending = 8;
   struct Pending {
     MapDelta header;
-    std::vector<std::optional<MapDelta>> parts;
-    uint32_t missing = 0;
+    uint32_t count = 0;                  // of chunks, as claimed
+    std::map<uint32_t, MapDelta> parts;  // by index
+    size_t bytes = 0;                    // of the parts
   };
+  Pending& PendingOf(const MapDeltaChunk& chunk);
+  void MakeRoom();
+  void Drop(std::vector<Pending>::iterator pending);
+
+  size_t max_pending_bytes_;
   std::vector<Pending> pending_;  // oldest first
   uint64_t dropped_ = 0;
 };

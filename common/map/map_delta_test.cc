@@ -124,8 +124,58 @@ TEST(DeltaAssembler, IndexBeyondCountIsIgnored) {
   DeltaAssembler assembler;
   EXPECT_TRUE(assembler.Add(ChunkOf(1, 2, 2)).empty());
   EXPECT_TRUE(assembler.Add(ChunkOf(2, 0, 0)).empty());
+  EXPECT_TRUE(assembler.Add(ChunkOf(3, 1, 1)).empty());
+  EXPECT_EQ(assembler.pending_bytes(), 0u);
   EXPECT_TRUE(assembler.Add(ChunkOf(1, 0, 2)).empty());
   EXPECT_EQ(assembler.Add(ChunkOf(1, 1, 2)).size(), 1u);
+}
+
+constexpr uint32_t kHugeCount = 4000000000u;
+
+TEST(DeltaAssembler, HoldsWhatCameAndNotWhatIsClaimed) {
+  DeltaAssembler assembler;
+  for (Revision revision = 1; revision <= 8; ++revision) {
+    EXPECT_TRUE(assembler.Add(ChunkOf(revision, kHugeCount - 1, kHugeCount)).empty());
+  }
+  EXPECT_EQ(assembler.dropped(), 0u);
+  EXPECT_LT(assembler.pending_bytes(), 8u * 1024);
+  for (int repeated = 0; repeated < 1000; ++repeated) assembler.Add(ChunkOf(8, 0, kHugeCount));
+  EXPECT_LT(assembler.pending_bytes(), 9u * 1024) << "a chunk that comes again is not held again";
+}
+
+TEST(DeltaAssembler, BoundsWhatUnfinishedDeltasTake) {
+  constexpr size_t kMaxBytes = 100000;
+  for (const size_t points : {size_t{0}, size_t{10}, size_t{1000}, kMaxBytes / 16}) {
+    DeltaAssembler assembler(kMaxBytes);
+    for (uint32_t index = 0; index < 2000; ++index) {
+      MapDeltaChunk chunk = ChunkOf(1 + index % 7, index, kHugeCount);
+      chunk.part.points.resize(points);
+      EXPECT_TRUE(assembler.Add(chunk).empty());
+      ASSERT_LE(assembler.pending_bytes(), kMaxBytes);
+    }
+    EXPECT_GT(assembler.dropped(), 0u);
+  }
+}
+
+TEST(DeltaAssembler, OneThatTakesAllTheRoomDoesNotPushOutTheOthers) {
+  constexpr size_t kMaxBytes = 100000;
+  DeltaAssembler assembler(kMaxBytes);
+  EXPECT_TRUE(assembler.Add(ChunkOf(1, 0, 2)).empty());
+  for (uint32_t index = 0; index < 1000; ++index) {
+    MapDeltaChunk chunk = ChunkOf(2, index, kHugeCount);
+    chunk.part.observations.resize(100);
+    EXPECT_TRUE(assembler.Add(chunk).empty());
+  }
+  EXPECT_GT(assembler.dropped(), 10u);
+  EXPECT_EQ(assembler.Add(ChunkOf(1, 1, 2)).size(), 1u);
+}
+
+TEST(DeltaAssembler, RoomIsFreeAgainAfterAWholeDelta) {
+  DeltaAssembler assembler;
+  EXPECT_TRUE(assembler.Add(ChunkOf(1, 0, 2)).empty());
+  EXPECT_GT(assembler.pending_bytes(), 0u);
+  EXPECT_EQ(assembler.Add(ChunkOf(1, 1, 2)).size(), 1u);
+  EXPECT_EQ(assembler.pending_bytes(), 0u);
 }
 
 }  // namespace

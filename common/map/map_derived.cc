@@ -78,14 +78,17 @@ size_t MostTypical(const std::array<const Descriptor*, kMostCompared>& descripto
   return best;
 }
 
-/// Of many observations some, evenly from the oldest to the youngest.
+/// Of many observations some, evenly from the oldest to the youngest. Those whose descriptors were dropped say nothing.
 void RefreshDescriptor(const Map& map, Views* views, MapPoint* point) {
   std::array<const Descriptor*, kMostCompared> descriptors{};
-  const size_t all = point->observations.size(), count = std::min(all, kMostCompared);
-  for (size_t i = 0; i < count; ++i) {
-    const Observation& o = point->observations[count == all ? i : i * (all - 1) / (count - 1)];
-    descriptors[i] = &FindView(map, o.keyframe, views).features->descriptors[o.feature];
+  const size_t all = point->observations.size(), chosen = std::min(all, kMostCompared);
+  size_t count = 0;
+  for (size_t i = 0; i < chosen; ++i) {
+    const Observation& o = point->observations[chosen == all ? i : i * (all - 1) / (chosen - 1)];
+    const FeatureSet& features = *FindView(map, o.keyframe, views).features;
+    if (features.HasAppearance()) descriptors[count++] = &features.descriptors[o.feature];
   }
+  if (count == 0) return;
   point->descriptor = *descriptors[count < 3 ? count - 1 : MostTypical(descriptors, count)];  // of two the younger
 }
 
@@ -100,9 +103,7 @@ void Map::RefreshDerived() {
   for (const KeyFrameId id : moved_keyframes_) {
     const KeyFrame* keyframe = FindKeyFrame(id);
     if (keyframe == nullptr) continue;
-    for (const MapPointId landmark : keyframe->landmarks) {
-      if (landmark.IsValid()) MarkStale(&points_.at(landmark), kGeometryStale);
-    }
+    for (const MapPointId landmark : keyframe->landmarks) MarkStale(&points_.at(landmark), kGeometryStale);
   }
   moved_keyframes_.clear();
   Views views;

@@ -169,6 +169,7 @@ std::string ReadLists(ByteReader* reader, MapDelta* snapshot) {
 }  // namespace
 
 std::string EncodeKeyFrameData(const KeyFrameData& data) {
+  PORTOLAN_CHECK(data.features.HasAppearance()) << "keyframe " << data.id << " is not whole";
   ByteWriter writer = Begin(kKeyFrameMark);
   writer.Fixed(data.id.value);
   writer.Fixed(data.stamp.ns);

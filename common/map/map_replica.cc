@@ -36,6 +36,13 @@ std::shared_ptr<const KeyFrameData> MapReplica::FindKeyFrameData(KeyFrameId id) 
   return found == data_.end() ? nullptr : found->second;
 }
 
+void MapReplica::DropAppearance(KeyFrameId id) {
+  const auto found = data_.find(id);
+  if (found == data_.end() || !found->second->features.HasAppearance()) return;
+  found->second = WithoutAppearance(*found->second);
+  if (map_.FindKeyFrame(id) != nullptr) map_.DropAppearance(id, found->second);
+}
+
 void MapReplica::DropKeyFrameData(KeyFrameId id) {
   if (map_.FindKeyFrame(id) == nullptr) data_.erase(id);
 }

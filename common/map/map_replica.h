@@ -32,6 +32,8 @@ class MapReplica {
   void AddKeyFrameData(std::shared_ptr<const KeyFrameData> data);
   std::shared_ptr<const KeyFrameData> FindKeyFrameData(KeyFrameId id) const;
   const std::map<KeyFrameId, std::shared_ptr<const KeyFrameData>>& keyframe_data() const { return data_; }
+  /// Goes on without a keyframe's orientations and descriptors, which are kept elsewhere. No effect for an unknown one.
+  void DropAppearance(KeyFrameId id);
   /// Forgets data that is not in the map.
   void DropKeyFrameData(KeyFrameId id);
 

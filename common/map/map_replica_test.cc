@@ -213,5 +213,34 @@ TEST_F(ReplicaTest, DropsOnlyDataThatIsNotInTheMap) {
   EXPECT_NE(replica_.FindKeyFrameData(in_map), nullptr);
 }
 
+TEST_F(ReplicaTest, FollowsWithoutTheAppearanceOfItsKeyFrames) {
+  GiveAll(MakeDeltas(20));
+  const Map whole = replica_.map();
+  for (const auto& [id, data] : edits_.data()) replica_.DropAppearance(id);
+  replica_.DropAppearance(KeyFrameId(0, 1, 0xfffff0));  // unknown
+  for (const auto& [id, point] : replica_.map().points()) EXPECT_EQ(point.descriptor, whole.point(id).descriptor);
+  GiveAll(MakeDeltas(20));
+  ExpectInStep();
+  EXPECT_THAT(ValidateMap(replica_.map()), IsEmpty());
+  size_t bare = 0;
+  for (const auto& [id, keyframe] : replica_.map().keyframes()) {
+    const bool is_bare = whole.FindKeyFrame(id) != nullptr;
+    EXPECT_EQ(keyframe.data->features.HasAppearance(), !is_bare);
+    EXPECT_EQ(keyframe.data, replica_.FindKeyFrameData(id));
+    bare += is_bare;
+  }
+  EXPECT_GT(bare, 0u);
+  EXPECT_LT(bare, replica_.map().keyframes().size());
+}
+
+TEST_F(ReplicaTest, TakesASnapshotOfKeyFramesWithoutAppearance) {
+  GiveAll(MakeDeltas(20));
+  for (const auto& [id, data] : edits_.data()) replica_.DropAppearance(id);
+  owner_.SetEpoch(3);
+  replica_.AddDelta(owner_.Snapshot());
+  EXPECT_EQ(replica_.ApplyPending().size(), 1u);
+  ExpectInStep();
+}
+
 }  // namespace
 }  // namespace portolan

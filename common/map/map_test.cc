@@ -229,5 +229,17 @@ TEST_F(SmallMapTest, HashSeesEveryPartOfTheState) {
   expect_new_hash("point");
 }
 
+TEST_F(SmallMapTest, DataWithoutAppearanceKeepsWhatDistancesComeFrom) {
+  const KeyFrameData& whole = *map_.keyframe(ids_[0]).data;
+  const auto bare = WithoutAppearance(whole);
+  EXPECT_EQ(bare->id, whole.id);
+  EXPECT_EQ(bare->stamp.ns, whole.stamp.ns);
+  EXPECT_EQ(bare->features.size(), whole.features.size());
+  EXPECT_EQ(bare->features.octaves, whole.features.octaves);
+  EXPECT_FALSE(bare->features.HasAppearance());
+  EXPECT_TRUE(whole.features.HasAppearance());
+  EXPECT_THROW(map_.DropAppearance(ids_[1], bare), CheckFailure);  // another's
+}
+
 }  // namespace
 }  // namespace portolan

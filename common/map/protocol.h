@@ -71,7 +71,21 @@ struct MapperState {
   KeyFrameId last_keyframe;         ///< the last keyframe fully taken in (or refused), for lockstep and acknowledgement
   KeyFrameId refused_keyframe;      ///< the last keyframe refused (second of an initial pair, or one that does not fit), none if none
   std::string refusal;              ///< why
+  bool is_refining = false;         ///< long work beside the mapping is under way: lockstep waits for it
+  ProcessId correction_process;     ///< whose correction was answered last, none if none;
+  uint64_t correction_number = 0;   ///< its number there:
+  std::string correction_refusal;   ///< why it was not applied; empty: it is in the map at `revision`
   RadialResidual residual;          ///< what the calibration of the map's camera left, as far as the mapper knows
+};
+
+/// How far loop closing has come: sent whenever it changes.
+struct LoopState {
+  ProcessId process;
+  MapId map;
+  Epoch epoch = 0;
+  KeyFrameId last_keyframe;  ///< the last keyframe looked at (or passed over): lockstep waits for it
+  bool is_busy = false;      ///< a correction is being made or waits to be applied; lockstep waits for it
+  Revision revision = 0;     ///< of the replica
 };
 
 /// A proposal to change a map, made from a snapshot of it (loop closure, FBA, global BA, fusion). The owner applies it; keyframes younger than the
@@ -93,7 +107,8 @@ struct MapCorrection {
   std::string kind;  ///< "loop", "fba", "global_ba", "fusion"
   std::vector<KeyFrameCorrection> keyframes;
   std::vector<PointCorrection> points;
-  std::vector<std::pair<MapPointId, MapPointId>> merges;  ///< (from, into)
+  std::vector<std::pair<MapPointId, MapPointId>> merges;         ///< (from, into), in order
+  std::vector<std::pair<MapPointId, Observation>> observations;  ///< to add, after the merges
   std::vector<std::pair<KeyFrameId, KeyFrameId>> loop_edges;
 };
 

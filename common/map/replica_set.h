@@ -19,6 +19,8 @@ namespace portolan {
 class ReplicaSet {
  public:
   void AddKeyFrameData(MapId map, std::shared_ptr<const KeyFrameData> data);
+  /// See MapReplica. Of a map that is known.
+  void DropAppearance(MapId map, KeyFrameId keyframe) { replicas_.at(map).DropAppearance(keyframe); }
   /// A whole delta, as from a store.
   void AddDelta(MapDelta delta);
   void AddChunk(MapDeltaChunk chunk);

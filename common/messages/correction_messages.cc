@@ -44,6 +44,17 @@ void CheckPairs(const char* field, const std::vector<uint64_t>& first, const std
   }
 }
 
+void CheckObservations(const wire::MapCorrection& wire, MessageCheck* check) {
+  check->AtMost("number of observations", wire.seen_points().size(), kMaxCorrectedPairs);
+  check->SameLength("seen_by", wire.seen_by().size(), wire.seen_points().size());
+  check->SameLength("seen_features", wire.seen_features().size(), wire.seen_points().size());
+  check->AllIds("seen_points", wire.seen_points());
+  check->AllIds("seen_by", wire.seen_by());
+  for (const uint32_t feature : wire.seen_features()) {
+    if (feature >= kMaxFeatures) check->Require(false, "seen_features holds " + std::to_string(feature));
+  }
+}
+
 void CheckCorrection(const wire::MapCorrection& wire, MessageCheck* check) {
   check->Id("process", wire.process());
   check->Id("map", wire.map_id());
@@ -57,6 +68,7 @@ void CheckCorrection(const wire::MapCorrection& wire, MessageCheck* check) {
   check->AllIds("points", wire.points());
   check->AllFinite("point_positions", wire.point_positions());
   CheckPairs("merges", wire.merges_from(), wire.merges_into(), check);
+  CheckObservations(wire, check);
   CheckPairs("loop_edges", wire.loop_edges_a(), wire.loop_edges_b(), check);
 }
 
@@ -81,6 +93,11 @@ wire::MapCorrection ToWire(const MapCorrection& correction) {
     AppendPoint(point.position_in_map, &wire.point_positions());
   }
   PairsToWire(correction.merges, &wire.merges_from(), &wire.merges_into());
+  for (const auto& [point, observation] : correction.observations) {
+    wire.seen_points().push_back(point.value);
+    wire.seen_by().push_back(observation.keyframe.value);
+    wire.seen_features().push_back(observation.feature);
+  }
   PairsToWire(correction.loop_edges, &wire.loop_edges_a(), &wire.loop_edges_b());
   return wire;
 }
@@ -106,6 +123,10 @@ Result<MapCorrection> FromWire(const wire::MapCorrection& wire) {
         {MapPointId(wire.points()[i]), Eigen::Map<const Eigen::Vector3f>(&wire.point_positions()[3 * i])});
   }
   correction.merges = PairsFromWire<MapPointId>(wire.merges_from(), wire.merges_into());
+  for (size_t i = 0; i < wire.seen_points().size(); ++i) {
+    correction.observations.emplace_back(MapPointId(wire.seen_points()[i]),
+                                         Observation{KeyFrameId(wire.seen_by()[i]), wire.seen_features()[i]});
+  }
   correction.loop_edges = PairsFromWire<KeyFrameId>(wire.loop_edges_a(), wire.loop_edges_b());
   return correction;
 }

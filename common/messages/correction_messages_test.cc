@@ -38,6 +38,7 @@ TEST(CorrectionMessagesTest, ACorrectionComesBackToTheBit) {
     EXPECT_EQ(received->points[i].position_in_map, sent.points[i].position_in_map);
   }
   EXPECT_EQ(received->merges, sent.merges);
+  EXPECT_EQ(received->observations, sent.observations);
   EXPECT_EQ(received->loop_edges, sent.loop_edges);
 }
 
@@ -64,6 +65,11 @@ TEST(CorrectionMessagesTest, RefusesWhatIsMalformedAndSaysWhy) {
       {"merges has", [](wire::MapCorrection* w) { w->merges_into().clear(); }},
       {"merges holds", [](wire::MapCorrection* w) { w->merges_into()[0] = 0; }},
       {"merges pairs an element with itself", [](wire::MapCorrection* w) { w->merges_into() = w->merges_from(); }},
+      {"seen_by has", [](wire::MapCorrection* w) { w->seen_by().pop_back(); }},
+      {"seen_features has", [](wire::MapCorrection* w) { w->seen_features().clear(); }},
+      {"seen_points holds", [](wire::MapCorrection* w) { w->seen_points()[0] = 0; }},
+      {"seen_by holds", [](wire::MapCorrection* w) { w->seen_by()[0] = 0; }},
+      {"seen_features holds 4000000000", [](wire::MapCorrection* w) { w->seen_features()[0] = 4000000000u; }},
       {"loop_edges pairs", [](wire::MapCorrection* w) { w->loop_edges_a() = w->loop_edges_b(); }},
   };
   Random random(2);

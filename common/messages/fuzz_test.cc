@@ -93,6 +93,11 @@ TEST(FuzzTest, TrackerStates) {
   Random random(8);
   Fuzz(ToWire(RandomTrackerState(&random)));
 }
+TEST(FuzzTest, LoopStates) {
+  Random random(26);
+  FuzzWithDamage(ToWire(RandomLoopState(&random)), 2);  // noise could pass: ids and numbers are all it has
+}
+
 TEST(FuzzTest, MapperStates) {
   Random random(9);
   FuzzWithDamage(ToWire(RandomMapperState(&random)), 2);  // noise could pass: ids and numbers are all it has

@@ -117,6 +117,7 @@ void CheckKind(const wire::KeyFrame& wire, MessageCheck* check) {
 wire::KeyFrame ToWire(const KeyFrameMessage& message) {
   const KeyFrameData& data = message.data;
   PORTOLAN_CHECK(data.features.size() <= kMaxFeatures) << data.features.size() << " features";
+  PORTOLAN_CHECK(data.features.HasAppearance()) << "keyframe " << data.id << " is not whole";
   wire::KeyFrame wire;
   wire.id(data.id.value);
   wire.stamp_ns(data.stamp.ns);

@@ -125,6 +125,7 @@ MapCorrection RandomCorrection(Random* random) {
   for (int i = 0; i < 100; ++i)
     correction.points.push_back({RandomId<MapPointId>(random), RandomVector(random).cast<float>()});
   correction.merges = {{MapPointId(1, 2, 3), MapPointId(1, 2, 4)}};
+  correction.observations = {{MapPointId(1, 2, 4), Observation{KeyFrameId(1, 2, 3), 17}}};
   correction.loop_edges = {{KeyFrameId(1, 2, 3), KeyFrameId(1, 2, 4)}};
   return correction;
 }
@@ -179,7 +180,22 @@ MapperState RandomMapperState(Random* random) {
   state.last_keyframe = RandomId<KeyFrameId>(random);
   state.refused_keyframe = RandomId<KeyFrameId>(random);
   state.refusal = RandomText(random);
+  state.is_refining = random->Below(2) == 1;
+  state.correction_process = RandomId<ProcessId>(random);
+  state.correction_number = random->Below(100);
+  state.correction_refusal = RandomText(random);
   state.residual = {random->Uniform(-0.1, 0.1), random->Uniform(-0.1, 0.1)};
+  return state;
+}
+
+LoopState RandomLoopState(Random* random) {
+  LoopState state;
+  state.process = RandomId<ProcessId>(random);
+  state.map = RandomId<MapId>(random);
+  state.epoch = random->Below(10);
+  state.last_keyframe = RandomId<KeyFrameId>(random);
+  state.is_busy = random->Below(2) == 1;
+  state.revision = random->Below(1000);
   return state;
 }
 

@@ -62,6 +62,10 @@ wire::MapperState ToWire(const MapperState& state) {
   wire.last_keyframe(state.last_keyframe.value);
   wire.refused_keyframe(state.refused_keyframe.value);
   wire.refusal(state.refusal);
+  wire.is_refining(state.is_refining);
+  wire.correction_process(state.correction_process.value);
+  wire.correction_number(state.correction_number);
+  wire.correction_refusal(state.correction_refusal);
   wire.residual_k1(state.residual.k1);
   wire.residual_k2(state.residual.k2);
   return wire;
@@ -71,6 +75,7 @@ Result<MapperState> FromWire(const wire::MapperState& wire) {
   MessageCheck check("MapperState");
   check.Id("process", wire.process());
   check.Text("refusal", wire.refusal(), kMaxLineBytes);
+  check.Text("correction_refusal", wire.correction_refusal(), kMaxLineBytes);
   for (const auto& [field, value] : {std::pair("residual_k1", wire.residual_k1()), std::pair("residual_k2", wire.residual_k2())}) {
     check.Finite(field, value);
     check.Require(std::abs(value) <= kMaxRadialResidual, std::string(field) + " is " + std::to_string(value) + ", expected at most 1 either way");
@@ -87,7 +92,37 @@ Result<MapperState> FromWire(const wire::MapperState& wire) {
   state.last_keyframe = KeyFrameId(wire.last_keyframe());
   state.refused_keyframe = KeyFrameId(wire.refused_keyframe());
   state.refusal = wire.refusal();
+  state.is_refining = wire.is_refining();
+  state.correction_process = ProcessId(wire.correction_process());
+  state.correction_number = wire.correction_number();
+  state.correction_refusal = wire.correction_refusal();
   state.residual = {wire.residual_k1(), wire.residual_k2()};
+  return state;
+}
+
+wire::LoopState ToWire(const LoopState& state) {
+  wire::LoopState wire;
+  wire.process(state.process.value);
+  wire.map_id(state.map.value);
+  wire.epoch(state.epoch);
+  wire.last_keyframe(state.last_keyframe.value);
+  wire.is_busy(state.is_busy);
+  wire.revision(state.revision);
+  return wire;
+}
+
+Result<LoopState> FromWire(const wire::LoopState& wire) {
+  MessageCheck check("LoopState");
+  check.Id("process", wire.process());
+  if (!check.ok()) return check.error();
+
+  LoopState state;
+  state.process = ProcessId(wire.process());
+  state.map = MapId(wire.map_id());
+  state.epoch = wire.epoch();
+  state.last_keyframe = KeyFrameId(wire.last_keyframe());
+  state.is_busy = wire.is_busy();
+  state.revision = wire.revision();
   return state;
 }
 

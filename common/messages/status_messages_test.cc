@@ -71,7 +71,24 @@ TEST(StatusMessagesTest, MapperStatesComeBack) {
   EXPECT_EQ(received->last_keyframe, sent.last_keyframe);
   EXPECT_EQ(received->refused_keyframe, sent.refused_keyframe);
   EXPECT_EQ(received->refusal, sent.refusal);
+  EXPECT_EQ(received->is_refining, sent.is_refining);
+  EXPECT_EQ(received->correction_process, sent.correction_process);
+  EXPECT_EQ(received->correction_number, sent.correction_number);
+  EXPECT_EQ(received->correction_refusal, sent.correction_refusal);
   EXPECT_EQ(received->residual, sent.residual);
+}
+
+TEST(StatusMessagesTest, LoopStatesComeBack) {
+  Random random(7);
+  const LoopState sent = RandomLoopState(&random);
+  const Result<LoopState> received = FromWire(ToWire(sent));
+  ASSERT_TRUE(received.ok());
+  EXPECT_EQ(received->process, sent.process);
+  EXPECT_EQ(received->map, sent.map);
+  EXPECT_EQ(received->epoch, sent.epoch);
+  EXPECT_EQ(received->last_keyframe, sent.last_keyframe);
+  EXPECT_EQ(received->is_busy, sent.is_busy);
+  EXPECT_EQ(received->revision, sent.revision);
 }
 
 TEST(StatusMessagesTest, ProcessStatusesComeBack) {
@@ -113,10 +130,12 @@ TEST(StatusMessagesTest, RefusesWhatIsMalformedAndSaysWhy) {
           {"quality", [](wire::TrackerState* w) { w->quality(NAN); }},
           {"frame_ms", [](wire::TrackerState* w) { w->frame_ms(NAN); }},
       });
+  ExpectRefused<wire::LoopState>(ToWire(RandomLoopState(&random)), {{"process is none", [](wire::LoopState* w) { w->process(0); }}});
   ExpectRefused<wire::MapperState>(ToWire(RandomMapperState(&random)),
                                    {
                                        {"process is none", [](wire::MapperState* w) { w->process(0); }},
                                        {"refusal holds", [](wire::MapperState* w) { w->refusal("\x1b[2J"); }},
+                                       {"correction_refusal holds", [](wire::MapperState* w) { w->correction_refusal("\x1b[2J"); }},
                                        {"residual_k1 is", [](wire::MapperState* w) { w->residual_k1(std::nan("")); }},
                                        {"residual_k2 is 7", [](wire::MapperState* w) { w->residual_k2(7); }},
                                    });

@@ -10,6 +10,7 @@
 
 #include "base/check.h"
 #include "optimization/reprojection_cost.h"
+#include "optimization/stop_callback.h"
 
 namespace portolan {
 namespace {
@@ -17,21 +18,6 @@ namespace {
 /// Up to this many free poses the dense factorisation of the reduced camera matrix was faster (100 poses, 40000
 /// measurements: 60 against 130 ms an iteration); its cost grows with their cube.
 constexpr size_t kMaxDensePoses = 120;
-
-/// Stops the solver after the current iteration once the flag is up.
-class StopCallback final : public ceres::IterationCallback {
- public:
-  explicit StopCallback(const std::atomic<bool>* stop) : stop_(stop) {}
-  ceres::CallbackReturnType operator()(const ceres::IterationSummary&) override {
-    interrupted_ = stop_ != nullptr && stop_->load(std::memory_order_relaxed);
-    return interrupted_ ? ceres::SOLVER_TERMINATE_SUCCESSFULLY : ceres::SOLVER_CONTINUE;
-  }
-  bool interrupted() const { return interrupted_; }
-
- private:
-  const std::atomic<bool>* stop_;
-  bool interrupted_ = false;
-};
 
 /// Computes each free pose's rotation once before the solver evaluates the measurements.
 class PreparePoses final : public ceres::EvaluationCallback {
@@ -180,6 +166,17 @@ BundleSummary AdjustBundle(BundleProblem* problem, const BundleOptions& options,
   *problem = std::move(solved);
   result.converged_or_stopped = true;
   return result;
+}
+
+BundleSummary AdjustBundleGradually(BundleProblem* problem, const BundleOptions& options, const std::atomic<bool>* stop) {
+  BundleOptions wide = options;
+  wide.loss_width = kWideLossWidth;
+  wide.max_iterations = options.max_iterations / 2;
+  const BundleSummary first = AdjustBundle(problem, wide, stop);
+  if (!first.converged_or_stopped || first.interrupted) return first;
+  BundleOptions narrow = options;
+  narrow.max_iterations = options.max_iterations - wide.max_iterations;
+  return AdjustBundle(problem, narrow, stop);
 }
 
 double NormalizedSquaredError(const BundleProblem& problem, const BundleProblem::Measurement& measurement) {

@@ -42,6 +42,9 @@ struct BundleOptions {
   double function_tolerance = 1e-4;
 };
 
+/// Width of the loss, in sigmas, from which neighbours that are off by some pixels still find each other.
+inline constexpr double kWideLossWidth = 2.0;
+
 struct BundleSummary {
   bool converged_or_stopped = false;  ///< false: nothing usable came out and the problem is unchanged
   bool interrupted = false;           ///< stopped by `stop`; the problem holds the best state so far
@@ -53,6 +56,10 @@ struct BundleSummary {
 /// least one pose must be fixed; a problem with a single fixed pose leaves the scale to the caller (fix two, as map
 /// initialisation does). `stop` may be null; once true the solver returns after the current iteration.
 BundleSummary AdjustBundle(BundleProblem* problem, const BundleOptions& options, const std::atomic<bool>* stop);
+
+/// The same from further off, as after a loop: first with a wide loss, whose basin is wide, then with the usual one.
+/// Each gets half of the iterations.
+BundleSummary AdjustBundleGradually(BundleProblem* problem, const BundleOptions& options, const std::atomic<bool>* stop);
 
 /// Normalised squared reprojection error of a measurement; infinity behind the camera.
 double NormalizedSquaredError(const BundleProblem& problem, const BundleProblem::Measurement& measurement);

@@ -107,6 +107,21 @@ TEST(AdjustBundleCasesTest, TheLossHoldsAgainstOutliers) {
   EXPECT_LT(robust_error, 0.2 * plain_error);
 }
 
+TEST(AdjustBundleCasesTest, GradualStartFindsTheTruthFromFarOff) {
+  const BundleProblem truth = MakeProblem(8, 2, 200, 0.3, 8);
+  BundleProblem problem = Disturbed(truth, 9);  // tens of sigmas off
+  ASSERT_TRUE(AdjustBundleGradually(&problem, Thorough(), nullptr).converged_or_stopped);
+  for (size_t i = 0; i < truth.poses.size(); ++i) {
+    EXPECT_LT((problem.poses[i].camera_from_map.translation - truth.poses[i].camera_from_map.translation).norm(), 0.02);
+  }
+}
+
+TEST(AdjustBundleCasesTest, GradualStartStopsWhenToldTo) {
+  BundleProblem problem = Disturbed(MakeProblem(4, 2, 50, 0.3, 10), 11);
+  const std::atomic<bool> stop{true};
+  EXPECT_TRUE(AdjustBundleGradually(&problem, BundleOptions(), &stop).interrupted);
+}
+
 TEST(AdjustBundleCasesTest, FixedPosesStayBitForBit) {
   const BundleProblem before = Disturbed(MakeProblem(6, 3, 100, 1, 8), 9);
   BundleProblem problem = before;

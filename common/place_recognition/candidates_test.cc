@@ -30,7 +30,7 @@ class CandidatesTest : public ::testing::Test {
     data.features.angles_rad.resize(50);
     data.features.descriptors.resize(50);
     map_.AddKeyFrame(MakeKeyFrameData(std::move(data), nullptr), Rigid3d(), number > 1 ? Id(1) : KeyFrameId());
-    index_.Add(Id(number), Bag(words));
+    index_.Add(Id(number), std::make_shared<const BowVector>(Bag(words)));
   }
   void Tie(uint32_t a, uint32_t b, uint32_t feature) {
     const MapPointId id(0, 1, ++last_point_);
@@ -90,7 +90,7 @@ TEST_F(CandidatesTest, FewSharedWordsDoNotCount) {
 TEST_F(CandidatesTest, LeavesOutWhatIsExcludedOrOfAnotherMap) {
   AddKeyFrame(1, {1, 2, 3, 4});
   AddKeyFrame(2, {1, 2, 3, 5});
-  index_.Add(Id(77), Bag({1, 2, 3, 4}));  // not in the map
+  index_.Add(Id(77), std::make_shared<const BowVector>(Bag({1, 2, 3, 4})));  // not in the map
   CandidateOptions lenient;
   lenient.min_score = 0.5;
   EXPECT_EQ(Find({1, 2, 3, 4}, lenient), (std::vector<KeyFrameId>{Id(1), Id(2)}));

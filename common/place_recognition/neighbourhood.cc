@@ -38,10 +38,11 @@ bool Neighbourhood::Sees(const MapPoint& landmark) const {
 
 std::vector<const MapPoint*> Neighbourhood::LandmarksByFeature(const KeyFrame& keyframe,
                                                                const Neighbourhood& other) const {
-  std::vector<const MapPoint*> landmarks(keyframe.landmarks.size(), nullptr);
-  for (size_t i = 0; i < landmarks.size(); ++i) {
-    if (!keyframe.landmarks[i].IsValid()) continue;
-    const MapPoint& point = map_.point(keyframe.landmarks[i]);
+  const std::vector<MapPointId> ids = keyframe.landmarks.ByFeature();
+  std::vector<const MapPoint*> landmarks(ids.size(), nullptr);
+  for (size_t i = 0; i < ids.size(); ++i) {
+    if (!ids[i].IsValid()) continue;
+    const MapPoint& point = map_.point(ids[i]);
     if (&map_ != &other.map_ || !other.Sees(point)) landmarks[i] = &point;
   }
   return landmarks;
@@ -53,7 +54,7 @@ std::vector<const MapPoint*> Neighbourhood::Landmarks(const Neighbourhood& other
   seen.reserve(keyframes_.size() * 200);  // about as many are new in each
   for (const KeyFrame* keyframe : keyframes_) {
     for (const MapPointId id : keyframe->landmarks) {
-      if (!id.IsValid() || !seen.insert(id).second) continue;
+      if (!seen.insert(id).second) continue;
       const MapPoint& point = map_.point(id);
       if (&map_ != &other.map_ || !other.Sees(point)) landmarks.push_back(&point);
     }

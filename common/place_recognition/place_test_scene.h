@@ -15,6 +15,7 @@ namespace portolan {
 /// A place seen on two passes. The second looks at it from other points; its descriptors may be made to differ.
 struct TwoPasses {
   SyntheticScene first, second;
+  std::shared_ptr<const Vocabulary> vocabulary;
 };
 
 /// Gives the features of a view words, and what `appearance` says in place of their landmark's descriptor (may be null).
@@ -41,9 +42,9 @@ inline TwoPasses MakeTwoPasses(SyntheticSceneOptions options, const Appearance& 
   VocabularyTrainingOptions training;
   training.branching = 6;
   training.depth = 4;  // 36 nodes in the direct index
-  const auto vocabulary = TrainVocabulary(images, training, nullptr).value();
-  for (SyntheticView& view : passes.first.views) Finish(&view, *vocabulary, nullptr);
-  for (SyntheticView& view : passes.second.views) Finish(&view, *vocabulary, second_appearance);
+  passes.vocabulary = TrainVocabulary(images, training, nullptr).value();
+  for (SyntheticView& view : passes.first.views) Finish(&view, *passes.vocabulary, nullptr);
+  for (SyntheticView& view : passes.second.views) Finish(&view, *passes.vocabulary, second_appearance);
   return passes;
 }
 

@@ -3,6 +3,7 @@
 #include <sys/resource.h>
 
 #include "base/atomic_file.h"
+#include "version/version.h"
 
 namespace portolan {
 
@@ -20,6 +21,7 @@ nlohmann::json SummarizeTimes(const std::vector<double>& milliseconds) {
 nlohmann::json MakeReport(const ProcessOptions& options, const std::string& priority, const StageTimes& times, const Bus& bus) {
   const ResourceUse resources = MeasureResources();
   nlohmann::json report = {{"role", options.role},
+                           {"build", BuildDescription()},
                            {"dds", ToString(options.bus.vendor)},
                            {"priority", priority},
                            {"peak_memory_mb", resources.peak_memory_mb},

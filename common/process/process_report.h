@@ -21,7 +21,8 @@ ResourceUse MeasureResources();
 /// {"median": ..., "p95": ..., "count": ...} of a stage's milliseconds.
 nlohmann::json SummarizeTimes(const std::vector<double>& milliseconds);
 
-/// The part of a process's report that all roles share: role, dds, priority, peak_memory_mb, cpu_s, stages_ms, bytes_sent, counters.
+/// The part of a process's report that all roles share: role, build, dds, priority, peak_memory_mb, cpu_s, stages_ms,
+/// bytes_sent, counters.
 nlohmann::json MakeReport(const ProcessOptions& options, const std::string& priority, const StageTimes& times, const Bus& bus);
 
 /// Writes OUT/<role>.json, whole or not at all; nothing without an output folder. The launcher merges the reports into summary.json.

@@ -5,8 +5,9 @@
 #include <cstring>
 #include <filesystem>
 #include <map>
-#include <opencv2/core/utility.hpp>
 #include <utility>
+
+#include "version/version.h"
 
 namespace portolan {
 namespace {
@@ -82,6 +83,7 @@ ProcessSetup ProcessSetup::Make(const std::string& role, const std::string& desc
   ProcessSetup setup;
   setup.options.role = role;
   CLI::App app(description, "portolan_" + role);
+  app.set_version_flag("--version", app.get_name() + " " + BuildDescription());
   std::string config_file;
   std::vector<std::string> sets, assignments;
   app.add_option("--config", config_file, "YAML file that configures the run (docs/configuration.md)");
@@ -124,14 +126,6 @@ ProcessSetup ProcessSetup::Make(const std::string& role, const std::string& desc
   setup.session = DrawSession();
   setup.process = ProcessId(setup.options.robot, setup.session, 1);
   return setup;
-}
-
-Result<std::unique_ptr<Bus>> StartProcess(const ProcessOptions& options, std::string* priority_in_force) {
-  cv::setNumThreads(1);  // four processes share few cores: OpenCV's own threads would only get in each other's way
-  for (const std::string& warning : CheckKernelBuffers()) spdlog::warn("{}", warning);
-  *priority_in_force = SetPriority(options.priority);
-  spdlog::info("robot {} on {}, domain {}, priority {}", options.robot, ToString(options.bus.vendor), options.bus.domain, *priority_in_force);
-  return MakeBus(options.bus);
 }
 
 }  // namespace portolan

@@ -38,10 +38,12 @@ struct ProcessOptions {
 /// A process on its way to start: the command line is parsed, the options are read, the log is set up.
 class ProcessSetup {
  public:
-  /// @param add_flags adds the role's own flags to the command line; `to_key` maps a flag's text to a configuration key, so that a flag is the same as
+  /// @param add_flags adds the role's own flags to the command line; `to_key` maps a flag's text to a configuration
+  /// key, so that a flag is the same as
   /// --set. May be null.
   /// @param read_options reads the role's own sections.
-  /// On --help, and on every mistake (told on standard error, all of them at once), `exit_code` is set and nothing else holds.
+  /// On --help, --version and on every mistake (told on standard error, all of them at once), `exit_code` is set and
+  /// nothing else holds.
   static ProcessSetup Make(const std::string& role, const std::string& description, int argc, char** argv,
                            const std::function<void(CLI::App*, std::vector<std::string>* assignments)>& add_flags,
                            const std::function<Status(ConfigReader*)>& read_options);
@@ -54,8 +56,5 @@ class ProcessSetup {
 
 /// Reads the sections that all processes share (robot, dds, priority, log, vocabulary, out) and passes over those of the other roles.
 Status ReadProcessOptions(ConfigReader* config, ProcessOptions* options);
-
-/// Warns of kernel limits, sets the priority, joins DDS. @param priority_in_force comes back in words.
-Result<std::unique_ptr<Bus>> StartProcess(const ProcessOptions& options, std::string* priority_in_force);
 
 }  // namespace portolan

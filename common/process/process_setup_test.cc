@@ -6,6 +6,7 @@
 #include <fstream>
 
 #include "dataset/temp_folder.h"
+#include "version/version.h"
 
 namespace portolan {
 namespace {
@@ -63,6 +64,12 @@ TEST(ProcessSetup, HelpEndsWithSuccess) {
   ::testing::internal::CaptureStdout();
   EXPECT_EQ(Make({"--help"}).exit_code, kExitOk);
   EXPECT_THAT(::testing::internal::GetCapturedStdout(), HasSubstr("--config"));
+}
+
+TEST(ProcessSetup, VersionEndsWithSuccess) {
+  ::testing::internal::CaptureStdout();
+  EXPECT_EQ(Make({"--version"}).exit_code, kExitOk);
+  EXPECT_EQ(::testing::internal::GetCapturedStdout(), "portolan_backend_mapper " + BuildDescription() + "\n");
 }
 
 TEST(ProcessSetup, NamesWhatIsWrong) {

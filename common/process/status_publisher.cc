@@ -2,6 +2,8 @@
 
 #include <unistd.h>
 
+#include "version/version.h"
+
 namespace portolan {
 
 StatusPublisher::StatusPublisher(Bus* bus, const ProcessSetup& setup, const std::string& priority)
@@ -13,7 +15,7 @@ StatusPublisher::StatusPublisher(Bus* bus, const ProcessSetup& setup, const std:
   fixed_.host = host;
   fixed_.pid = static_cast<uint32_t>(getpid());
   fixed_.vendor = ToString(setup.options.bus.vendor);
-  fixed_.build = PORTOLAN_BUILD;
+  fixed_.build = BuildDescription();
   fixed_.priority = priority;
 }
 

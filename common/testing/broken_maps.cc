@@ -15,16 +15,16 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 /// A sequence number above any that builders use.
 constexpr uint32_t kUnusedSequence = 0xfffff0;
 
-uint32_t FreeFeature(const std::vector<MapPointId>& landmarks) {
-  for (uint32_t i = 0; i < landmarks.size(); ++i) {
+uint32_t FreeFeature(const KeyFrameLandmarks& landmarks) {
+  for (uint32_t i = 0; i < landmarks.num_features(); ++i) {
     if (!landmarks[i].IsValid()) return i;
   }
   PORTOLAN_CHECK(false) << " no feature is free: the scene has no clutter";
   return 0;
 }
 
-uint32_t TakenFeature(const std::vector<MapPointId>& landmarks) {
-  for (uint32_t i = 0; i < landmarks.size(); ++i) {
+uint32_t TakenFeature(const KeyFrameLandmarks& landmarks) {
+  for (uint32_t i = 0; i < landmarks.num_features(); ++i) {
     if (landmarks[i].IsValid()) return i;
   }
   PORTOLAN_CHECK(false) << " no feature is a landmark";
@@ -45,7 +45,7 @@ MapDelta MakeGoodDelta(const Map& map, const SyntheticScene& scene, size_t next_
   delta.base_revision = map.revision();
   delta.revision = map.revision() + 1;
   delta.keyframes.push_back(
-      {last.data->id, last.camera_from_map, last.parent, static_cast<uint32_t>(last.landmarks.size())});
+      {last.data->id, last.camera_from_map, last.parent, static_cast<uint32_t>(last.landmarks.num_features())});
   delta.keyframes.push_back(
       {next.data->id, next.camera_from_world, last.data->id, static_cast<uint32_t>(next.data->features.size())});
   delta.points.push_back({moved, map.point(moved).position_in_map + Eigen::Vector3f(0.01f, 0, 0)});
@@ -58,7 +58,7 @@ MapDelta MakeGoodDelta(const Map& map, const SyntheticScene& scene, size_t next_
 std::vector<BrokenDelta> MakeBrokenDeltas(const Map& map, const SyntheticScene& scene, size_t next_view) {
   const MapDelta good = MakeGoodDelta(map, scene, next_view);
   const KeyFrame& last = map.keyframes().rbegin()->second;
-  const auto num_features = static_cast<int32_t>(last.landmarks.size());
+  const auto num_features = static_cast<int32_t>(last.landmarks.num_features());
   const KeyFrameId unknown_keyframe(scene.options.robot, scene.options.session, kUnusedSequence);
   const MapPointId unknown_point(scene.options.robot, scene.options.session, kUnusedSequence + 1);
   const MapPointId moved = good.points[0].id;

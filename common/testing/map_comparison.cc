@@ -1,6 +1,7 @@
 #include "testing/map_comparison.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <map>
 #include <vector>
@@ -17,6 +18,14 @@ struct Pairs {
   std::vector<Eigen::Vector3d> points_in_map, points_in_truth;
 };
 
+double RootMeanSquareError(const std::vector<Eigen::Vector3d>& in_map, const std::vector<Eigen::Vector3d>& in_truth) {
+  const Result<Sim3d> truth_from_map = AlignPoints(in_map, in_truth);
+  if (!truth_from_map.ok()) return std::numeric_limits<double>::infinity();
+  double sum = 0;
+  for (size_t i = 0; i < in_map.size(); ++i) sum += (*truth_from_map * in_map[i] - in_truth[i]).squaredNorm();
+  return std::sqrt(sum / static_cast<double>(in_map.size()));
+}
+
 MapError Compare(const Pairs& pairs) {
   MapError error;
   error.num_keyframes = pairs.camera_from_map.size();
@@ -26,6 +35,7 @@ MapError Compare(const Pairs& pairs) {
     in_map.push_back(pairs.camera_from_map[i].TargetOriginInSource());
     in_truth.push_back(pairs.camera_from_truth[i].TargetOriginInSource());
   }
+  error.camera_rmse = RootMeanSquareError(in_map, in_truth);
   in_map.insert(in_map.end(), pairs.points_in_map.begin(), pairs.points_in_map.end());
   in_truth.insert(in_truth.end(), pairs.points_in_truth.begin(), pairs.points_in_truth.end());
   const Result<Sim3d> alignment = AlignPoints(in_map, in_truth);

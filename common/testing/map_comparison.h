@@ -19,6 +19,9 @@ struct MapError {
   double max_translation = 0;                ///< of a camera's centre
   double max_point = 0;                      ///< of a point
   double median_point = 0;
+  /// Root mean square of the cameras' centres after the similarity that fits them alone: what ATE is, and what a few
+  /// points of bad depth don't spoil. Infinity where the centres lie on a line.
+  double camera_rmse = 0;
 };
 
 /// Compares a map of a scene's keyframes with the scene. A point is the landmark that most of its observations show;

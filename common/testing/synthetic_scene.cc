@@ -13,11 +13,27 @@ namespace {
 constexpr double kFarFactor = 1000;  // of the depth: parallax below a hundredth of a pixel
 constexpr double kViewsPerSecond = 5;
 
+/// A place of the circular street: `way` along it, `aside` outwards from its middle, `height` up.
+Eigen::Vector3d PlaceInStreet(const SyntheticSceneOptions& options, double way, double aside, double height) {
+  const double radius = options.lap / (2 * M_PI), angle = way / radius;
+  return {radius - (radius + aside) * std::cos(angle), -height, (radius + aside) * std::sin(angle)};
+}
+
+Eigen::Vector3d DrawInStreet(const SyntheticSceneOptions& options, Random* random) {
+  const double way = random->Uniform(0, options.lap), side = random->Uniform() < 0.5 ? -1 : 1;
+  const double aside = side * random->Uniform(0.2, 0.6) * options.depth;
+  return PlaceInStreet(options, way, aside, random->Uniform(-0.3, 0.3) * options.depth);
+}
+
 std::vector<Eigen::Vector3d> MakeLandmarks(const SyntheticSceneOptions& options, Random* random) {
   const double depth = options.depth;
   const Eigen::Vector3d middle(0, 0, depth);
   std::vector<Eigen::Vector3d> landmarks;
   for (int i = 0; i < options.num_landmarks; ++i) {
+    if (options.landmarks == LandmarkLayout::kStreet) {
+      landmarks.push_back(DrawInStreet(options, random));
+      continue;
+    }
     const double x = random->Uniform(-0.8, 0.8), y = random->Uniform(-0.5, 0.5), z = random->Uniform(-0.5, 0.5);
     switch (options.landmarks) {
       case LandmarkLayout::kGeneral:
@@ -29,6 +45,8 @@ std::vector<Eigen::Vector3d> MakeLandmarks(const SyntheticSceneOptions& options,
       case LandmarkLayout::kFar:
         landmarks.push_back(kFarFactor * (middle + depth * Eigen::Vector3d(x, y, z)));
         break;
+      case LandmarkLayout::kStreet:
+        break;  // drawn above
     }
   }
   return landmarks;
@@ -45,6 +63,8 @@ Rigid3d MakePose(const SyntheticSceneOptions& options, double share) {
       return LookAt({0.02 * way, 0, way}, middle + Eigen::Vector3d(0.02 * way, 0, options.depth));
     case CameraMotion::kOrbit:
       return LookAt(middle + options.depth * Eigen::Vector3d(std::sin(angle), 0, -std::cos(angle)), middle);
+    case CameraMotion::kStreetLap:
+      return LookAt(PlaceInStreet(options, way, 0, 0), PlaceInStreet(options, way + 0.5 * options.depth, 0, 0));
     case CameraMotion::kPureRotation:
       return LookAt(Eigen::Vector3d::Zero(), options.depth * Eigen::Vector3d(std::sin(angle), 0, std::cos(angle)));
   }
@@ -60,6 +80,11 @@ Descriptor FlipBits(Descriptor descriptor, double ratio, Random* random) {
     }
   }
   return descriptor;
+}
+
+/// Distance from which a landmark is seen first, or about that.
+double FirstDistance(const SyntheticSceneOptions& options, const Eigen::Vector3d& landmark_in_world) {
+  return options.landmarks == LandmarkLayout::kStreet ? options.depth : landmark_in_world.norm();
 }
 
 /// What a landmark looks like wherever it is seen from.
@@ -101,7 +126,7 @@ class ViewMaker {
   void AddLandmark(int landmark) {
     const SyntheticSceneOptions& options = scene_.options;
     const Eigen::Vector3d point = view_.camera_from_world * scene_.landmarks_in_world[static_cast<size_t>(landmark)];
-    if (point.z() <= 0) return;
+    if (point.z() <= 0 || (options.sight > 0 && point.norm() > options.sight)) return;
     const Appearance& appearance = appearances_[static_cast<size_t>(landmark)];
     const double level = std::log(appearance.max_distance / point.norm()) / std::log(data_.pyramid.factor);
     const int octave = static_cast<int>(std::lround(std::clamp(level, 0.0, data_.pyramid.levels - 1.0)));
@@ -168,9 +193,9 @@ SyntheticScene MakeSyntheticScene(const SyntheticSceneOptions& options) {
   for (const Eigen::Vector3d& landmark : scene.landmarks_in_world) {
     scene.descriptors.push_back(RandomDescriptor(&random));
     // Found at level 0 to 5 from the first camera, so that coming closer or going back a little loses none.
-    appearances.push_back(
-        {landmark.norm() * ScalePyramid().Scale(1) * std::pow(ScalePyramid().factor, random.Uniform(0, 4)),
-         static_cast<float>(random.Uniform(0, 2 * M_PI))});
+    appearances.push_back({FirstDistance(options, landmark) * ScalePyramid().Scale(1) *
+                               std::pow(ScalePyramid().factor, random.Uniform(0, 4)),
+                           static_cast<float>(random.Uniform(0, 2 * M_PI))});
   }
   for (int i = 0; i < options.num_views; ++i) {
     const double share = options.num_views > 1 ? static_cast<double>(i) / (options.num_views - 1) : 0.0;

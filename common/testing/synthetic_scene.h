@@ -20,6 +20,7 @@ enum class LandmarkLayout {
   kGeneral,  ///< in a box, from half to one and a half depths away
   kPlanar,   ///< on a slanted plane: a homography links all views
   kFar,      ///< a thousand depths away: no parallax
+  kStreet,   ///< on both sides of a circular street of length `lap`, a fifth to three fifths of a depth from its middle
 };
 
 /// How the cameras move, evenly over the views.
@@ -28,6 +29,7 @@ enum class CameraMotion {
   kForward,       ///< along z
   kOrbit,         ///< an arc around the landmarks' middle
   kPureRotation,  ///< turns on the spot: a degenerate motion
+  kStreetLap,     ///< along the middle of the circular street, looking ahead; longer than `lap`: a revisit
 };
 
 struct SyntheticSceneOptions {
@@ -38,6 +40,8 @@ struct SyntheticSceneOptions {
   double depth = 5.0;   ///< world units
   double travel = 2.0;  ///< length of the cameras' way in world units (of the arc for kOrbit); for kPureRotation its
                         ///< angle is travel / depth
+  double lap = 40.0;    ///< length of the circular street, world units
+  double sight = 0;     ///< landmarks farther than this many world units are not seen; 0: no limit
   double pixel_sigma_px = 0.0;  ///< noise of a feature at level 0; grows with its level's scale
   double outlier_ratio = 0.0;   ///< share of a view's landmark features whose location is drawn anew over the image
   double descriptor_flip_ratio =

@@ -115,6 +115,25 @@ TEST(SyntheticScene, PureRotationDoesNotMoveTheCamera) {
   EXPECT_GT(scene.views[0].camera_from_world.rotation.angularDistance(scene.views[9].camera_from_world.rotation), 0.3);
 }
 
+TEST(SyntheticScene, AStreetIsSeenAgainAfterALap) {
+  SyntheticSceneOptions options;
+  options.landmarks = LandmarkLayout::kStreet;
+  options.motion = CameraMotion::kStreetLap;
+  options.num_landmarks = 1000;
+  options.num_views = 51;
+  options.lap = 20;
+  options.travel = 25;  // views 0.5 apart
+  options.sight = 6;
+  const SyntheticScene scene = MakeSyntheticScene(options);
+  EXPECT_LT((scene.views[45].camera_from_world.TargetOriginInSource() -
+             scene.views[5].camera_from_world.TargetOriginInSource())
+                .norm(),
+            1e-9);
+  EXPECT_GT(TrueMatches(scene.views[45], scene.views[5]).size(), 50u);
+  EXPECT_GT(TrueMatches(scene.views[20], scene.views[21]).size(), 30u);
+  EXPECT_EQ(TrueMatches(scene.views[0], scene.views[20]).size(), 0u);
+}
+
 TEST(SyntheticScene, SameSeedSameSceneAndFeatureNumbersDoNotTell) {
   SyntheticSceneOptions options;
   options.pixel_sigma_px = 1;

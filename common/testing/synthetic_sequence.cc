@@ -184,6 +184,10 @@ Status SequenceOptions::Check() const {
   if (texture_px < 64 || texture_px > 4096 || (texture_px & (texture_px - 1)) != 0) {
     return OptionError("texture", std::to_string(texture_px), "a power of two, 64 to 4096");
   }
+  if (!LensWarp::IsPossible(MakeSyntheticCamera(width, height), lens)) {
+    return OptionError("lens", std::to_string(lens.k1) + " " + std::to_string(lens.k2),
+                       "k1 k2 with which every pixel sees something, near where it would without");
+  }
   return sensor.Check();
 }
 
@@ -218,15 +222,27 @@ Result<SyntheticSequence> SyntheticSequence::Make(const SequenceOptions& options
   return Error{};
 }
 
+SequenceRenderer::SequenceRenderer(const SyntheticSequence& sequence)
+    : sequence_(sequence),
+      lens_(sequence.options().lens.IsNone()
+                ? std::nullopt
+                : std::make_optional<LensWarp>(sequence.camera(), sequence.options().lens)),
+      renderer_(sequence.world(), lens_ ? lens_->ideal_camera() : sequence.camera()) {}
+
+cv::Mat SequenceRenderer::RenderAt(const Rigid3d& world_from_camera) {
+  const cv::Mat light = renderer_.Render(world_from_camera);
+  return lens_ ? lens_->Apply(light) : light;
+}
+
 cv::Mat SequenceRenderer::RenderLight(const SyntheticFrame& frame) {
   const SequenceOptions& options = sequence_.options();
   if (frame.black) return cv::Mat::zeros(options.height, options.width, CV_32FC1);
-  if (options.sensor.exposure_s <= 0) return renderer_.Render(frame.world_from_camera);
+  if (options.sensor.exposure_s <= 0) return RenderAt(frame.world_from_camera);
   constexpr int kExposureSteps = 5;  // pictures averaged over the open shutter
   cv::Mat light = cv::Mat::zeros(options.height, options.width, CV_32FC1);
   for (int i = 0; i < kExposureSteps; ++i) {
     const double offset = ((i + 0.5) / kExposureSteps - 0.5) * options.sensor.exposure_s * options.speed;
-    light += renderer_.Render(sequence_.path().At(frame.path_s + offset)) / kExposureSteps;
+    light += RenderAt(sequence_.path().At(frame.path_s + offset)) / kExposureSteps;
   }
   return light;
 }

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <opencv2/core.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -10,6 +11,7 @@
 #include "geometry/camera_model.h"
 #include "geometry/rigid3.h"
 #include "testing/camera_path.h"
+#include "testing/lens_warp.h"
 #include "testing/renderer.h"
 #include "testing/sensor.h"
 #include "testing/synthetic_world.h"
@@ -26,6 +28,7 @@ struct SequenceOptions {
   uint64_t seed = 1;      ///< of the place and of the noise
   int texture_px = 1024;  ///< side of the larger pictures, a power of two; less paints faster and is blurrier close by
   bool repeat_facades = false;  ///< town, street: places that look alike
+  RadialResidual lens;          ///< bends the pictures; camera() does not tell
   SensorOptions sensor;
 
   Status Check() const;  ///< names the option, its value and what was expected
@@ -81,15 +84,17 @@ class SyntheticSequence {
 class SequenceRenderer {
  public:
   /// @param sequence must outlive the renderer.
-  explicit SequenceRenderer(const SyntheticSequence& sequence)
-      : sequence_(sequence), renderer_(sequence.world(), sequence.camera()) {}
+  explicit SequenceRenderer(const SyntheticSequence& sequence);
 
   /// @return CV_8UC1.
   cv::Mat Render(size_t frame);
 
  private:
   cv::Mat RenderLight(const SyntheticFrame& frame);
+  cv::Mat RenderAt(const Rigid3d& world_from_camera);
+
   const SyntheticSequence& sequence_;
+  std::optional<LensWarp> lens_;  // none: ideal pictures
   Renderer renderer_;
 };
 

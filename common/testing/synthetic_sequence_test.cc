@@ -97,6 +97,32 @@ TEST(SyntheticSequence, NoiseHasItsSigmaAndIsNewInEachFrame) {
   EXPECT_LT(std::abs(first.dot(second)) / first.dot(first), 0.05);
 }
 
+TEST(SyntheticSequence, ALensBendsThePicturesAndNothingElse) {
+  SequenceOptions options = Small("room");
+  options.sensor.noise_sigma = 0;
+  const SyntheticSequence plain = MakeOrThrow(options);
+  options.lens = {-0.15, 0.02};
+  const SyntheticSequence bent = MakeOrThrow(options);
+  EXPECT_EQ(bent.camera(), plain.camera());
+  EXPECT_EQ(bent.frames()[5].world_from_camera.translation, plain.frames()[5].world_from_camera.translation);
+  const cv::Mat through_lens = SequenceRenderer(bent).Render(5);
+  // What the lens shows comes back where it belongs when it is undone.
+  cv::Mat to_bent_px(options.height, options.width, CV_32FC2), undone;
+  const PinholeCamera& camera = plain.camera();
+  for (int y = 0; y < options.height; ++y) {
+    for (int x = 0; x < options.width; ++x) {
+      const Eigen::Vector2d bent_px =
+          camera.Project(options.lens.Distort(camera.Normalize(Eigen::Vector2d(x, y))).homogeneous());
+      to_bent_px.at<cv::Vec2f>(y, x) = {static_cast<float>(bent_px.x()), static_cast<float>(bent_px.y())};
+    }
+  }
+  cv::remap(through_lens, undone, to_bent_px, cv::noArray(), cv::INTER_CUBIC, cv::BORDER_REPLICATE);
+  const cv::Mat ideal = SequenceRenderer(plain).Render(5);
+  const double per_pixel = 1.0 / static_cast<double>(ideal.total());
+  EXPECT_LT(cv::norm(undone, ideal, cv::NORM_L1) * per_pixel,
+            0.3 * cv::norm(through_lens, ideal, cv::NORM_L1) * per_pixel);
+}
+
 TEST(SyntheticSequence, MotionBlurSmoothsMovingPictures) {
   SequenceOptions options = Small("wall");
   options.sensor.noise_sigma = 0;
@@ -212,6 +238,9 @@ TEST(SyntheticSequence, BadOptionsAreNamed) {
   options = Small("wall");
   options.texture_px = 300;
   EXPECT_NE(message(options).find("power of two"), std::string::npos);
+  options = Small("wall");
+  options.lens = {-1, 0};
+  EXPECT_NE(message(options).find("lens: -1"), std::string::npos);
   options = Small("wall");
   options.sensor.noise_sigma = -1;
   EXPECT_NE(message(options).find("noise_sigma"), std::string::npos);

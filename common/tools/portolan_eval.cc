@@ -10,10 +10,12 @@
 #include "base/flat_yaml.h"
 #include "dataset/evaluation_report.h"
 #include "dataset/frame_times.h"
+#include "dataset/loop_closures.h"
 #include "dataset/text_table.h"
 #include "dataset/trajectory_evaluation.h"
 #include "dataset/trajectory_io.h"
 #include "dataset/trajectory_plot.h"
+#include "version/version.h"
 
 namespace portolan {
 namespace {
@@ -23,7 +25,7 @@ struct Arguments {
   std::string groundtruth, trajectory;
   std::string times_file;  ///< of KITTI poses
   std::string frames;      ///< a number, or a list of the camera's frames; empty: the list beside the ground truth
-  std::string plot, json, scale = "free", rpe_delta = "1s";
+  std::string plot, closures, json, scale = "free", rpe_delta = "1s";
   bool per_map = false;
   double max_dt = 0;
   std::string from, to;  ///< seconds
@@ -125,6 +127,11 @@ Status WriteOutputs(const Arguments& arguments, const Evaluation& evaluation) {
   TrajectoryPlotOptions plot;
   plot.title = std::filesystem::path(arguments.trajectory).filename().string();
   plot.per_map = arguments.per_map;
+  if (!arguments.closures.empty()) {
+    Result<std::vector<LoopClosure>> closures = ReadLoopClosures(arguments.closures);
+    if (!closures) return closures.error();
+    plot.closures = std::move(*closures);
+  }
   return DrawTrajectories(evaluation, plot).Write(arguments.plot);
 }
 
@@ -153,8 +160,11 @@ void Declare(CLI::App* app, Arguments* arguments) {
   app->add_option("--last-frame", arguments->last_frame, "and after this one")
       ->check(CLI::NonNegativeNumber)
       ->excludes(to);
-  app->add_option("--plot", arguments->plot, "draw both trajectories into this .svg or .png");
+  auto* plot = app->add_option("--plot", arguments->plot, "draw both trajectories into this .svg or .png");
   app->add_flag("--per-map", arguments->per_map, "in the plot, align each map by itself");
+  app->add_option("--closures", arguments->closures,
+                  "in the plot, mark the loop closures of this file: loop_closer.json or summary.json of a run")
+      ->needs(plot);
   app->add_option("--json", arguments->json, "write the figures into this file");
 }
 
@@ -162,6 +172,7 @@ int Main(int argc, char** argv) {
   CLI::App app(
       "Compares a trajectory with the ground truth: ATE after Sim3 alignment, joined and map by map, and RPE.\n"
       "Exit code: 0 done, 1 no comparison possible (bad file, no common times), 2 bad arguments.");
+  app.set_version_flag("--version", "portolan_eval " + BuildDescription());
   Arguments arguments;
   Declare(&app, &arguments);
   try {

@@ -16,6 +16,7 @@
 #include "dataset/image_source.h"
 #include "dataset/player.h"
 #include "transport/bus.h"
+#include "version/version.h"
 
 namespace portolan {
 namespace {
@@ -151,6 +152,7 @@ int Main(int argc, char** argv) {
       "Publishes the images of a data set on the DDS image topic, in ROS 2's form, at their own rate.\n"
       "Exit code: 0 done, 1 nothing sent or DDS failed, 2 bad arguments or data, 3 nobody listens, 130 interrupted.",
       "portolan_play");
+  app.set_version_flag("--version", "portolan_play " + BuildDescription());
   Arguments arguments;
   AddOptions(&app, &arguments);
   try {

@@ -8,10 +8,12 @@
 #include <map>
 #include <opencv2/core.hpp>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "base/time.h"
 #include "testing/sequence_writer.h"
+#include "version/version.h"
 
 namespace portolan {
 namespace {
@@ -25,6 +27,7 @@ struct Arguments {
   SequenceOptions sequence;
   SequenceWriterOptions writer;
   std::string size = "640x480", layout = "tum", format = "jpg";
+  std::pair<double, double> lens{0, 0};
   bool quiet = false;
 };
 
@@ -69,6 +72,8 @@ void AddOptions(CLI::App* app, Arguments* arguments) {
   app->add_option("--texture", sequence.texture_px, "pixels along the larger textures, a power of two")
       ->capture_default_str();
   app->add_flag("--repeat-facades", sequence.repeat_facades, "town, street: houses that look alike");
+  app->add_option("--lens", arguments->lens,
+                  "k1 k2: radial distortion of the lens, of which the camera file does not tell");
   app->add_option("--noise", sequence.sensor.noise_sigma, "sigma of the sensor's noise, grey levels")
       ->capture_default_str();
   app->add_option("--exposure-change", sequence.sensor.exposure_change,
@@ -117,6 +122,7 @@ int Run(const Arguments& arguments) {
 int Main(int argc, char** argv) {
   CLI::App app("Renders a synthetic place along a camera's way to a data set with exact ground truth.",
                "portolan_synth");
+  app.set_version_flag("--version", "portolan_synth " + BuildDescription());
   Arguments arguments;
   AddOptions(&app, &arguments);
   try {
@@ -128,6 +134,7 @@ int Main(int argc, char** argv) {
     std::fprintf(stderr, "portolan_synth: --size: '%s', expected WIDTHxHEIGHT as in 640x480\n", arguments.size.c_str());
     return kExitUsage;
   }
+  arguments.sequence.lens = {arguments.lens.first, arguments.lens.second};
   arguments.writer.layout = Layouts().at(arguments.layout);
   arguments.writer.format = Formats().at(arguments.format);
   std::signal(SIGINT, [](int) { interrupted = 1; });

@@ -18,6 +18,7 @@
 #include "base/result.h"
 #include "base/time.h"
 #include "features/orb_extractor.h"
+#include "version/version.h"
 #include "vocabulary/vocabulary.h"
 #include "vocabulary/vocabulary_file.h"
 #include "vocabulary/vocabulary_training.h"
@@ -154,6 +155,7 @@ int Convert(const std::string& input, const std::string& output) {
 int Main(int argc, char** argv) {
   cv::setNumThreads(1);
   CLI::App app("Trains, inspects and converts vocabularies of visual words.");
+  app.set_version_flag("--version", "portolan_vocabulary " + BuildDescription());
   app.require_subcommand(1);
   TrainArguments arguments;
   arguments.orb.num_features = 1000;

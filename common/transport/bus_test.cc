@@ -58,6 +58,9 @@ TEST_P(BusPairTest, CarriesReplies) {
 TEST_P(BusPairTest, CarriesTrackerStates) {
   ExpectDelivered(RandomTrackerState(&random_));
 }
+TEST_P(BusPairTest, CarriesLoopStates) {
+  ExpectDelivered(RandomLoopState(&random_));
+}
 TEST_P(BusPairTest, CarriesMapperStates) {
   ExpectDelivered(RandomMapperState(&random_));
 }

@@ -54,7 +54,7 @@ struct Topic<KeyFrameMessage> {
   static constexpr TopicQos Qos() { return Reliable(256, kPromptBlockingMs); }  // 20 MB, at 2000 features each
 };
 
-/// Written by a map's owner; read by everyone who holds a replica.
+/// Written by a map's owner, or the atlas_server in its place; read by everyone who holds a replica.
 template <>
 struct Topic<MapDeltaChunk> {
   using Wire = wire::MapDelta;
@@ -64,7 +64,8 @@ struct Topic<MapDeltaChunk> {
   static constexpr TopicQos Qos() { return Reliable(1024, kPatientBlockingMs); }  // a snapshot of 8 million elements
 };
 
-/// Written by whoever holds a replica and misses something; read by the map's owner.
+/// Written by whoever holds a replica and misses something; read by the map's owner, and by the atlas_server, which
+/// answers for a dead one.
 template <>
 struct Topic<SnapshotRequest> {
   using Wire = wire::SnapshotRequest;
@@ -84,8 +85,8 @@ struct Topic<MapCorrection> {
   static constexpr TopicQos Qos() { return Reliable(16, kPatientBlockingMs); }  // rare, each up to the size of the map
 };
 
-/// Written by the atlas_server alone; read by all. Late readers get the last commands, in order: they tell who owns
-/// what.
+/// Written by the atlas_server alone; read by the mapper. Late readers get the last commands, in order: they tell who
+/// owns what.
 template <>
 struct Topic<Command> {
   using Wire = wire::Command;
@@ -101,7 +102,7 @@ struct Topic<Command> {
   }
 };
 
-/// Written by the tracker, tools and operators; read by the atlas_server.
+/// Written by tracker, mapper, tools and operators; read by the atlas_server.
 template <>
 struct Topic<Request> {
   using Wire = wire::Request;
@@ -131,7 +132,8 @@ struct Topic<TrackerState> {
   static constexpr TopicQos Qos() { return BestEffort(1); }
 };
 
-/// Written by the mapper when it changes; read by the tracker. All of them count: each acknowledges a keyframe.
+/// Written by the mapper when it changes; read by tracker, loop_closer and atlas_server. All of them count: each
+/// acknowledges a keyframe or a correction.
 template <>
 struct Topic<MapperState> {
   using Wire = wire::MapperState;
@@ -141,8 +143,19 @@ struct Topic<MapperState> {
   static constexpr TopicQos Qos() { return Reliable(1024, kPatientBlockingMs); }
 };
 
-/// Written by every process about itself; read by the atlas_server and tools. Keyed by process; its liveliness is the
-/// process's.
+/// Written by the loop_closer when it changes; read by the tracker of a lockstep run. All of them count: each answers
+/// for a keyframe.
+template <>
+struct Topic<LoopState> {
+  using Wire = wire::LoopState;
+  static constexpr const char* kName = "loop_state";
+  static constexpr const char* kType = "portolan::wire_v1::LoopState";
+  static constexpr bool kKeyed = false;
+  static constexpr TopicQos Qos() { return Reliable(1024, kPatientBlockingMs); }
+};
+
+/// Written by every process about itself; read by tracker, loop_closer, atlas_server and tools. Keyed by process; its
+/// liveliness is the process's.
 template <>
 struct Topic<ProcessStatus> {
   using Wire = wire::ProcessStatus;

@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <map>
+#include <memory>
 #include <set>
+#include <utility>
 
 #include "base/random.h"
 
@@ -20,6 +22,10 @@ BowVector RandomBow(Random* random) {
   return bow;
 }
 
+std::shared_ptr<const BowVector> Share(BowVector bow) {
+  return std::make_shared<const BowVector>(std::move(bow));
+}
+
 KeyFrameId Key(uint32_t sequence) {
   return KeyFrameId(1, 2, sequence);
 }
@@ -29,7 +35,7 @@ std::vector<SharedWords> SearchAll(const std::map<KeyFrameId, BowVector>& bags, 
   std::vector<SharedWords> shared;
   for (const auto& [keyframe, bow] : bags) {
     const int words = CountCommonWords(bow, query);
-    if (words > 0) shared.push_back({keyframe, words});
+    if (words > 0) shared.push_back({keyframe, words, BowScore(bow, query)});
   }
   std::stable_sort(shared.begin(), shared.end(),
                    [](const SharedWords& a, const SharedWords& b) { return a.words > b.words; });
@@ -41,6 +47,7 @@ void ExpectSame(const std::vector<SharedWords>& a, const std::vector<SharedWords
   for (size_t i = 0; i < a.size(); ++i) {
     EXPECT_EQ(a[i].keyframe, b[i].keyframe);
     EXPECT_EQ(a[i].words, b[i].words);
+    EXPECT_DOUBLE_EQ(a[i].score, b[i].score);
   }
 }
 
@@ -55,7 +62,7 @@ TEST(KeyFrameIndex, AgreesWithASearchOfAllThroughChanges) {
       bags.erase(keyframe);
     } else {
       bags[keyframe] = RandomBow(&random);  // anew or in place of another
-      index.Add(keyframe, bags[keyframe]);
+      index.Add(keyframe, Share(bags[keyframe]));
     }
     EXPECT_EQ(index.size(), bags.size());
     const BowVector query = RandomBow(&random);
@@ -73,17 +80,27 @@ TEST(KeyFrameIndex, AgreesWithASearchOfAllThroughChanges) {
 
 TEST(KeyFrameIndex, SortsByWordsThenById) {
   KeyFrameIndex index;
-  index.Add(Key(3), {{1, 0.5f}, {2, 0.5f}});
-  index.Add(Key(2), {{1, 0.5f}, {9, 0.5f}});
-  index.Add(Key(1), {{2, 0.5f}, {9, 0.5f}});
-  ExpectSame(index.Query({{1, 0.5f}, {2, 0.5f}}), {{Key(3), 2}, {Key(1), 1}, {Key(2), 1}});
+  index.Add(Key(3), Share({{1, 0.5f}, {2, 0.5f}}));
+  index.Add(Key(2), Share({{1, 0.5f}, {9, 0.5f}}));
+  index.Add(Key(1), Share({{2, 0.5f}, {9, 0.5f}}));
+  ExpectSame(index.Query({{1, 0.5f}, {2, 0.5f}}), {{Key(3), 2, 1.0}, {Key(1), 1, 0.5}, {Key(2), 1, 0.5}});
+}
+
+TEST(KeyFrameIndex, SharesTheBagWhileItIsIndexed) {
+  KeyFrameIndex index;
+  const auto bow = Share({{1, 0.5f}, {2, 0.5f}});
+  index.Add(Key(1), bow);
+  EXPECT_EQ(index.Find(Key(1)), bow.get());
+  EXPECT_EQ(bow.use_count(), 2);
+  index.Remove(Key(1));
+  EXPECT_EQ(bow.use_count(), 1);
 }
 
 TEST(KeyFrameIndex, UnknownIdsAndEmptyBagsDoNoHarm) {
   KeyFrameIndex index;
   index.Remove(Key(1));
   EXPECT_EQ(index.Find(Key(1)), nullptr);
-  index.Add(Key(1), {});
+  index.Add(Key(1), Share({}));
   EXPECT_EQ(index.size(), 1u);
   EXPECT_TRUE(index.Query({{1, 1.0f}}).empty());
   EXPECT_TRUE(index.Query({}).empty());

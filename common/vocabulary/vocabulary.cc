@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
+#include <utility>
 
+#include "base/check.h"
 #include "vocabulary/vocabulary_file.h"
 #include "vocabulary/vocabulary_storage.h"
 
@@ -21,6 +23,7 @@ BowVector CountWords(const std::vector<std::pair<uint32_t, float>>& words) {
     sum += words[i].second;
   }
   for (auto& [word, weight] : bow) weight = static_cast<float>(weight / sum);
+  bow.shrink_to_fit();  // kept for as long as its image is
   return bow;
 }
 
@@ -32,6 +35,12 @@ Result<std::shared_ptr<const Vocabulary>> Vocabulary::Open(const std::string& pa
   return VocabularyBuilder::FromFile(path);
 }
 
+Result<uint64_t> Vocabulary::HashOf(const std::string& path) {
+  const auto vocabulary = Open(path);
+  if (!vocabulary) return vocabulary.error();
+  return (*vocabulary)->hash();
+}
+
 std::string Vocabulary::DefaultPath() {
   if (const char* path = std::getenv("PORTOLAN_VOCABULARY"); path != nullptr && *path != '\0') return path;
   std::error_code error;
@@ -41,30 +50,25 @@ std::string Vocabulary::DefaultPath() {
 
 void Vocabulary::Transform(const std::vector<Descriptor>& descriptors, int direct_level, BowVector* bow,
                            NodeFeatures* nodes) const {
+  PORTOLAN_CHECK(descriptors.size() <= kMaxDirectNodes) << descriptors.size() << " descriptors";
   const int node_level = std::max(1, depth_ - direct_level);
   std::vector<std::pair<uint32_t, float>> words;
-  std::vector<std::pair<uint32_t, uint32_t>> features_by_node;
+  NodeFeatures features_by_node;
   words.reserve(descriptors.size());
   features_by_node.reserve(descriptors.size());
   for (size_t i = 0; i < descriptors.size(); ++i) {
     uint32_t index = 0, node = 0;
     for (int level = 1; nodes_[index].num_children > 0; ++level) {
       index = NearestChild(nodes_, nodes_[index], descriptors[i]);
-      if (level <= node_level) node = index;
+      if (level <= node_level && index < kMaxDirectNodes) node = index;
     }
     if (nodes_[index].weight > 0) words.emplace_back(nodes_[index].word, nodes_[index].weight);
-    features_by_node.emplace_back(node, static_cast<uint32_t>(i));
+    features_by_node.emplace_back(static_cast<uint16_t>(node), static_cast<uint16_t>(i));
   }
   std::sort(words.begin(), words.end());
   *bow = CountWords(words);
   std::sort(features_by_node.begin(), features_by_node.end());
-  nodes->clear();
-  auto entry = nodes->end();
-  for (const auto& [node, feature] : features_by_node) {
-    if (entry == nodes->end() || entry->first != node)
-      entry = nodes->emplace_hint(nodes->end(), node, std::vector<uint32_t>());
-    entry->second.push_back(feature);
-  }
+  *nodes = std::move(features_by_node);
 }
 
 }  // namespace portolan

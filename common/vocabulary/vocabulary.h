@@ -21,6 +21,10 @@ class Vocabulary {
   /// on a file of another kind, another version, cut short or with a wrong checksum.
   static Result<std::shared_ptr<const Vocabulary>> Open(const std::string& path);
 
+  /// The hash of a file that Open takes, for those who compare keyframes' vocabularies but look nothing up: the file does
+  /// not stay in memory.
+  static Result<uint64_t> HashOf(const std::string& path);
+
   /// Reads DBoW2's text format: "k L scoring weighting", then a line per node "parent is_leaf 32 bytes weight".
   static Result<std::shared_ptr<const Vocabulary>> ReadDbow2Text(const std::string& path);
 
@@ -30,9 +34,12 @@ class Vocabulary {
 
   /// Words and direct index of an image's descriptors in one descent: BowVector of all words with a positive weight,
   /// and the features by node at `direct_level` levels above the leaves (0 is the leaf; deeper trees than that clamp at
-  /// the root's children).
+  /// the root's children). Nodes beyond the first kMaxDirectNodes are too many for a direct index: the node above them
+  /// stands for them. @param descriptors at most kMaxDirectNodes.
   void Transform(const std::vector<Descriptor>& descriptors, int direct_level, BowVector* bow,
                  NodeFeatures* nodes) const;
+
+  static constexpr size_t kMaxDirectNodes = size_t{1} << 16;  ///< what NodeFeatures can count
 
   uint32_t num_words() const { return num_words_; }
   uint32_t num_nodes() const { return num_nodes_; }

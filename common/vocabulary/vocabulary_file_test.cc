@@ -54,6 +54,7 @@ class VocabularyFile : public testing::Test {
   /// The message of a file that must not open: it names the file.
   static std::string OpenError(const std::string& path) {
     const auto vocabulary = Vocabulary::Open(path);
+    EXPECT_EQ(Vocabulary::HashOf(path).ok(), vocabulary.ok());
     if (vocabulary.ok()) return "opened";
     EXPECT_THAT(vocabulary.error().message, HasSubstr(path));
     return vocabulary.error().message;
@@ -84,6 +85,7 @@ TEST_F(VocabularyFile, OpensWhatWasSaved) {
   const auto opened = Vocabulary::Open(Path("a.pvoc"));
   ASSERT_TRUE(opened.ok()) << opened.error().message;
   ExpectSame(**opened, *vocabulary);
+  EXPECT_EQ(Vocabulary::HashOf(Path("a.pvoc")).value(), vocabulary->hash());
   ASSERT_TRUE(SaveVocabulary(**opened, Path("b.pvoc")).ok());
   EXPECT_EQ(Read(Path("a.pvoc")), Read(Path("b.pvoc")));
 }

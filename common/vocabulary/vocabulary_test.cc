@@ -70,13 +70,48 @@ TEST(Vocabulary, DirectIndexNamesTheNodeAtItsLevel) {
     NodeFeatures expected;
     for (uint32_t i = 0; i < image.size(); ++i) {
       const std::vector<uint32_t> path = Descend(*vocabulary, image[i]);
-      expected[path[std::min(level, path.size()) - 1]].push_back(i);
+      expected.emplace_back(path[std::min(level, path.size()) - 1], i);
     }
+    std::sort(expected.begin(), expected.end());
     BowVector bow;
-    NodeFeatures nodes = {{12345, {6}}};  // what was there goes
+    NodeFeatures nodes = {{12345, 6}};  // what was there goes
     vocabulary->Transform(image, direct_level, &bow, &nodes);
     EXPECT_EQ(nodes, expected);
   }
+}
+
+/// A root with 256 children of 256 words each: more nodes than a direct index counts.
+std::shared_ptr<const Vocabulary> WideVocabulary() {
+  constexpr uint32_t kChildren = 256;
+  Random random(5);
+  std::vector<Vocabulary::Node> nodes(1 + kChildren + kChildren * kChildren);
+  for (uint32_t i = 0; i < nodes.size(); ++i) {
+    if (i > 0) nodes[i].descriptor = RandomDescriptor(&random);
+    if (i <= kChildren) {
+      nodes[i].first_child = 1 + i * kChildren;
+      nodes[i].num_children = kChildren;
+    } else {
+      nodes[i].weight = 1;
+      nodes[i].word = i - kChildren - 1;
+    }
+  }
+  return VocabularyBuilder::FromNodes(kChildren, 2, std::move(nodes), "test").value();
+}
+
+TEST(Vocabulary, DirectIndexOfAWideTreeStopsAtTheLastNodeThatItCounts) {
+  const auto vocabulary = WideVocabulary();
+  const Vocabulary::Node* tree = VocabularyBuilder::Nodes(*vocabulary);
+  const std::vector<Descriptor> image = {tree[1].descriptor, tree[256].descriptor};
+  const std::vector<uint32_t> first = Descend(*vocabulary, image[0]), last = Descend(*vocabulary, image[1]);
+  ASSERT_LT(first[1], Vocabulary::kMaxDirectNodes);
+  ASSERT_GE(last[1], Vocabulary::kMaxDirectNodes);
+  NodeFeatures expected = {{first[1], 0}, {last[0], 1}};
+  std::sort(expected.begin(), expected.end());
+  BowVector bow;
+  NodeFeatures nodes;
+  vocabulary->Transform(image, 0, &bow, &nodes);
+  EXPECT_EQ(nodes, expected);
+  EXPECT_EQ(bow.size(), 2u);
 }
 
 TEST(Vocabulary, ScoresSimilarImagesHigher) {
@@ -97,7 +132,7 @@ TEST(Vocabulary, ScoresSimilarImagesHigher) {
 
 TEST(Vocabulary, TransformOfNothingIsEmpty) {
   BowVector bow = {{1, 1.0f}};
-  NodeFeatures nodes = {{1, {2}}};
+  NodeFeatures nodes = {{1, 2}};
   SmallVocabulary()->Transform({}, 2, &bow, &nodes);
   EXPECT_TRUE(bow.empty());
   EXPECT_TRUE(nodes.empty());

@@ -56,7 +56,9 @@ TEST(TrainVocabulary, WeightsWordsByInverseDocumentFrequency) {
     BowVector bow;
     NodeFeatures nodes;
     vocabulary->Transform(image, 0, &bow, &nodes);
-    for (const auto& [node, features] : nodes) ++images_with[node];
+    std::set<uint32_t> shown;
+    for (const auto& [node, feature] : nodes) shown.insert(node);
+    for (const uint32_t node : shown) ++images_with[node];
   }
   const Vocabulary::Node* nodes = VocabularyBuilder::Nodes(*vocabulary);
   for (uint32_t i = 0; i < vocabulary->num_nodes(); ++i) {

@@ -17,6 +17,7 @@ constexpr double kStatusPeriodS = 1.0;
 constexpr double kTickPeriodS = 0.1;
 constexpr auto kResendAfter = std::chrono::seconds(2);           // many times what a mapper takes for a keyframe
 constexpr auto kSnapshotRequestInterval = std::chrono::seconds(1);
+constexpr auto kLoopPatience = std::chrono::seconds(3);  // the loop_closer repeats its state once a second
 constexpr auto kProgressInterval = std::chrono::milliseconds(500);
 
 const char* InWords(TrackingState state) {
@@ -68,6 +69,14 @@ void FrontendProcess::ConnectReaders() {
   readers_.push_back(bus_->CreateReader<MapperState>([this](MapperState state) {
     loop_->Post([this, state = std::move(state)] { OnMapper(state); });
   }));
+  readers_.push_back(bus_->CreateReader<LoopState>([this](LoopState state) {
+    if (state.process.robot() != setup_.options.robot) return;
+    loop_->Post([this, state] {
+      loop_state_ = state;
+      loop_heard_ = Clock::now();
+      ReleasePumpIfReady();
+    });
+  }));
   readers_.push_back(bus_->CreateReader<KeyFrameMessage>([this](KeyFrameMessage message) {
     if (message.kind != KeyFrameKind::kCopy || message.vocabulary_hash != vocabulary_->hash()) return;
     auto data = MakeKeyFrameData(std::move(message.data), vocabulary_.get());
@@ -101,7 +110,8 @@ int FrontendProcess::Run() {
 void FrontendProcess::CheckPeers() {
   const size_t others = roles_seen_.count("backend_mapper") + roles_seen_.count("loop_closer") + roles_seen_.count("atlas_server");
   const bool ready = roles_seen_.count("backend_mapper") == 1 && roles_seen_.count("atlas_server") == 1 &&
-                     keyframe_writer_->MatchedReaders() >= static_cast<int>(others) && request_writer_->MatchedReaders() >= 1;
+                     keyframe_writer_->MatchedReaders() >= static_cast<int>(others) && request_writer_->MatchedReaders() >= 1 &&
+                     (roles_seen_.count("loop_closer") == 0 || loop_state_.process.IsValid());
   if (ready) {
     spdlog::info("backend_mapper and atlas_server are there; starting");
     phase_ = Phase::kRunning;
@@ -127,6 +137,8 @@ void FrontendProcess::OnFrame(PlayedFrame frame) {
   process_times_.Add("wait", MillisecondsSince(frame.available) - output.state.frame_ms);
   Publish(output);
   last_state_ = output.state;
+  spdlog::debug("frame {}: {}, {} of {} points, {} keyframes sent, {:.1f} ms", output.state.frame, InWords(output.state.state), output.state.num_inliers,
+                output.state.num_candidates, output.keyframes.size(), output.state.frame_ms);
   if (output.state.state == TrackingState::kTracking) ++tracked_online_;
   status_.AssertLiveliness();
   ShowProgress(output.state);
@@ -180,21 +192,27 @@ void FrontendProcess::OnMapper(const MapperState& state) {
 }
 
 bool FrontendProcess::MapperIsDone() const {
-  if (tracker_.AwaitedKeyFrame()) return false;
+  if (tracker_.AwaitedKeyFrame() || mapper_.is_refining) return false;
   const auto replica = tracker_.replicas().find(mapper_.map);
   return replica == tracker_.replicas().end() || replica->second.map().revision() >= mapper_.revision;
 }
 
+bool FrontendProcess::LoopIsDone() const {
+  if (!loop_state_.process.IsValid() || Clock::now() - loop_heard_ > kLoopPatience) return true;  // there is none, or none any more
+  if (!loop_state_.last_keyframe.IsValid()) return true;  // it came in between, and is told of the next keyframe
+  return !loop_state_.is_busy && loop_state_.last_keyframe == mapper_.last_keyframe;
+}
+
 void FrontendProcess::ReleasePumpIfReady() {
   if (phase_ == Phase::kDraining) {
-    if (MapperIsDone()) {
+    if (MapperIsDone() && LoopIsDone()) {  // a loop found with the last frames is in the map too
       phase_ = Phase::kOver;
       loop_->Stop();
     }
     return;
   }
   if (!frame_in_work_) return;
-  if (options_.playback.mode == PlaybackMode::kLockstep && !MapperIsDone()) return;
+  if (options_.playback.mode == PlaybackMode::kLockstep && !(MapperIsDone() && LoopIsDone())) return;
   frame_in_work_ = false;
   pump_.Done();
 }
@@ -208,9 +226,10 @@ void FrontendProcess::OnEndOfSource() {
 void FrontendProcess::OnTick() {
   status_.AssertLiveliness();
   if (phase_ == Phase::kWaitingForPeers) CheckPeers();
+  if (phase_ == Phase::kRunning) ReleasePumpIfReady();
   const auto now = Clock::now();
   if (tracker_.AwaitedKeyFrame() && now - last_send_ > kResendAfter) {
-    spdlog::debug("the mapper has not answered: sending {} keyframes again", tracker_.UnacknowledgedKeyFrames().size());
+    spdlog::debug("the mapper has not answered: sending {} keyframes again", tracker_.num_unacknowledged());
     for (const KeyFrameMessage& message : tracker_.UnacknowledgedKeyFrames()) keyframe_writer_->Write(message);
     for (const auto& [id, request] : open_requests_) request_writer_->Write(request);
     last_send_ = now;
@@ -228,7 +247,7 @@ void FrontendProcess::OnTick() {
     last_snapshot_request_ = now;
   }
   if (phase_ == Phase::kDraining && MillisecondsSince(phase_start_) > options_.peer_timeout_s * 1e3) {
-    spdlog::warn("the mapper did not finish within {} s of the last frame", options_.peer_timeout_s);
+    spdlog::warn("mapper and loop_closer did not finish within {} s of the last frame", options_.peer_timeout_s);
     phase_ = Phase::kOver;
     loop_->Stop();
   }
@@ -250,7 +269,7 @@ void FrontendProcess::OnStatusTimer() {
                    {"frames_unreadable", static_cast<double>(playback.unreadable)},
                    {"events_waiting", static_cast<double>(loop_->depth())},
                    {"events_dropped", static_cast<double>(loop_->dropped())},
-                   {"unacknowledged_keyframes", static_cast<double>(tracker_.UnacknowledgedKeyFrames().size())}});
+                   {"unacknowledged_keyframes", static_cast<double>(tracker_.num_unacknowledged())}});
 }
 
 void FrontendProcess::ShowProgress(const TrackerState& state) {
@@ -300,7 +319,6 @@ int FrontendProcess::Finish() {
   }
   const RadialResidual& residual = tracker_.camera().residual;
   report["lens_residual"] = {residual.k1, residual.k2};
-  report["loops"] = 0;
   report["switches"] = 0;
   report["fusions"] = 0;
   const auto& frame_times = times.samples().find("frame");

@@ -41,6 +41,7 @@ class FrontendProcess {
   void Publish(const Tracker::Output& output);
   void ReleasePumpIfReady();
   bool MapperIsDone() const;
+  bool LoopIsDone() const;
   void ShowProgress(const TrackerState& state);
   int Finish();
 
@@ -67,6 +68,8 @@ class FrontendProcess {
   std::set<std::string> roles_seen_;
   DeltaAssembler assembler_;
   MapperState mapper_;
+  LoopState loop_state_;
+  Clock::time_point loop_heard_{};
   bool frame_in_work_ = false;
   IdMinter<RequestId> request_ids_;
   std::map<RequestId, Request> open_requests_;  // until a Reply comes

@@ -1,5 +1,5 @@
 #include "process/frontend_process.h"
-
+#include "process/process_start.h"
 #include "process/topic_source.h"
 
 int main(int argc, char** argv) {
@@ -19,24 +19,14 @@ int main(int argc, char** argv) {
       [&](ConfigReader* config) { return ReadFrontendOptions(config, &options); });
   if (setup.exit_code) return *setup.exit_code;
 
-  const auto vocabulary =
-      Vocabulary::Open(setup.options.vocabulary_file.empty() ? Vocabulary::DefaultPath() : setup.options.vocabulary_file);
-  if (!vocabulary) {
-    spdlog::error("{}", vocabulary.error().message);
-    return kExitBadInput;
-  }
-  ProcessLoop loop(4096);
-  std::string priority;
-  auto bus = StartProcess(setup.options, &priority);
-  if (!bus) {
-    spdlog::error("{}", bus.error().message);
-    return kExitFailure;
-  }
-  auto source = OpenFrontendSource(options.source, bus->get());
+  const ProcessStart start = ProcessStart::Make(setup);
+  if (start.exit_code) return *start.exit_code;
+  auto source = OpenFrontendSource(options.source, start.bus.get());
   if (!source) {
     spdlog::error("{}", source.error().message);
     return kExitBadInput;
   }
-  FrontendProcess process(setup, options, std::make_unique<Player>(std::move(*source), options.playback), *vocabulary, bus->get(), priority, &loop);
+  FrontendProcess process(setup, options, std::make_unique<Player>(std::move(*source), options.playback),
+                          start.vocabulary, start.bus.get(), start.priority, start.loop.get());
   return process.Run();
 }

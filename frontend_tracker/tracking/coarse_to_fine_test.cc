@@ -31,7 +31,7 @@ struct Setting {
     static_cast<void>(map.TakeDelta());
     const KeyFrame& last = map.keyframe(scene.views[kFrameView - 1].data->id);
     // Every third landmark of the last keyframe: the fine stage has the others to find.
-    std::vector<MapPointId> some = last.landmarks;
+    std::vector<MapPointId> some = last.landmarks.ByFeature();
     for (size_t i = 0; i < some.size(); ++i) {
       if (i % 3 != 0) some[i] = MapPointId();
     }

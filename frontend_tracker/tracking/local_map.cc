@@ -60,7 +60,7 @@ void LocalMap::CollectLandmarks(const Map& map) {
   std::unordered_set<MapPointId> taken;
   for (const KeyFrameId id : keyframes_) {
     for (const MapPointId landmark : map.keyframe(id).landmarks) {
-      if (!landmark.IsValid() || !taken.insert(landmark).second) continue;
+      if (!taken.insert(landmark).second) continue;
       const MapPoint& point = map.point(landmark);
       landmarks_.push_back({landmark, point.position_in_map.cast<double>(), point.mean_viewing_direction, point.min_distance,
                             point.max_distance, point.descriptor});

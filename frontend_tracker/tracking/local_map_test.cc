@@ -66,7 +66,7 @@ TEST_F(LocalMapTest, ReferenceSharesMostLandmarks) {
     }
   }
   LocalMap local_map;
-  local_map.Update(map_, map_.keyframe(wanted).landmarks, 8);
+  local_map.Update(map_, map_.keyframe(wanted).landmarks.ByFeature(), 8);
   EXPECT_EQ(local_map.reference(), wanted);
   EXPECT_EQ(local_map.keyframes()[0], wanted);
 }

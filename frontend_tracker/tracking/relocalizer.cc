@@ -13,9 +13,10 @@ constexpr double kGuidedRadiusPx = 10.0;  // after EPnP the keyframe's other lan
 std::vector<FeatureMatch> MatchLandmarks(const KeyFrame& keyframe, const KeyFrameData& frame) {
   MatcherOptions matcher;
   matcher.ratio = 0.75;  // stricter than with a motion model: nothing else vouches for these matches
+  const std::vector<MapPointId> landmarks = keyframe.landmarks.ByFeature();
   return MatchByNodes(
       keyframe.data->features, keyframe.data->nodes, frame.features, frame.nodes, matcher,
-      [&](uint32_t i) { return keyframe.landmarks[i].IsValid(); }, nullptr);
+      [&](uint32_t i) { return landmarks[i].IsValid(); }, nullptr);
 }
 
 }  // namespace
@@ -50,7 +51,7 @@ bool Relocalizer::TrackKeyFrame(const Map& map, KeyFrameId id, int min_inliers, 
   if (!pose) return false;
 
   // "The reference frame is the previous key frame used for relocalizing" (paper Sec. 3.2).
-  const auto reference = ReferenceLandmarks(map, *keyframe->data, keyframe->landmarks);
+  const auto reference = ReferenceLandmarks(map, *keyframe->data, keyframe->landmarks.ByFeature());
   tracker->TrackCoarse(map, reference, pose->camera_from_map, kGuidedRadiusPx, frame);
   return tracker->TrackFine(map, frame) >= min_inliers;
 }

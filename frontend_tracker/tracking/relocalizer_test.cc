@@ -39,7 +39,7 @@ class RelocalizerTest : public ::testing::Test {
     builder.num_keyframes = kLostView;
     map_ = BuildMap(scene_, builder);
     static_cast<void>(map_.TakeDelta());
-    for (const auto& [id, keyframe] : map_.keyframes()) index_.Add(id, keyframe.data->bow);
+    for (const auto& [id, keyframe] : map_.keyframes()) index_.Add(id, WordsOf(keyframe.data));
   }
 
   SyntheticScene scene_, elsewhere_;

@@ -17,7 +17,8 @@ Tracker::Tracker(const TrackerOptions& options, const CameraModel& camera, std::
       map_tracker_(options.map_tracking),
       relocalizer_(options.relocalizer, options.seed),
       keyframe_policy_(options.keyframe),
-      initializer_(options.initializer),
+      beginning_(options.initializer),
+      backfill_(options, camera.pinhole),
       keyframe_ids_(robot, session),
       map_ids_(robot, session) {}
 
@@ -25,10 +26,10 @@ Tracker::Output Tracker::Track(const Image& image) {
   const Stopwatch whole;
   Output output;
   ApplyPending();
-  if (!active_map_.IsValid() && !new_map_.IsValid()) StartNewMap(&output);
+  if (!active_map_.IsValid() && !beginning_.map().IsValid()) StartNewMap(&output);
   Frame frame = MakeFrame(image);
 
-  if (HasPairArrived()) BeginTracking();
+  if (beginning_.sent() && beginning_.IsMade(replicas_.at(beginning_.map()).map())) BeginTracking();
   if (state_ == TrackingState::kInitializing || state_ == TrackingState::kLost) {
     Initialize(frame, &output);
   } else if (TrackInMap(&frame)) {
@@ -85,27 +86,49 @@ Eigen::Quaterniond Tracker::EstimateRotation(const Frame& frame, const Eigen::Qu
   return estimate.ok ? estimate.current_from_reference : predicted;
 }
 
-Rigid3d Tracker::PredictPose(const Frame& frame) {
+std::vector<Rigid3d> Tracker::PredictPoses(const Frame& frame) {
   // Translation from the decaying velocity (paper Eq. 1, 2), rotation from the image (Eq. 3-6).
   const Rigid3d by_velocity = velocity_model_.Predict(frame.stamp);
-  if (!options_.use_esm) return by_velocity;
+  if (!options_.use_esm) return {by_velocity};
   const Rigid3d& last = last_frame_->camera_from_map;
   const Eigen::Quaterniond predicted_turn = by_velocity.rotation * last.rotation.conjugate();
   const Eigen::Quaterniond turn = EstimateRotation(frame, lost_frames_ == 0 ? predicted_turn : Eigen::Quaterniond::Identity());
   const Eigen::Quaterniond rotation = (turn * last.rotation).normalized();
   const Eigen::Vector3d centre = by_velocity.TargetOriginInSource();
-  return Rigid3d(rotation, -(rotation * centre));
+  if (lost_frames_ > 0) return {Rigid3d(rotation, -(rotation * centre))};  // the velocity is of a time before
+  // Beyond the paper: close to a wall ESM takes its passing by for a turn, and then the velocity is right about the rotation too.
+  return {Rigid3d(rotation, -(rotation * centre)), by_velocity};
+}
+
+int Tracker::TrackCoarse(const Map& map, const std::vector<Rigid3d>& predictions, double radius_px, Frame* frame) const {
+  const double enough = options_.map_tracking.min_coarse_share * static_cast<double>(reference_.size());
+  Frame best;  // pose, landmarks and counts alone
+  for (const Rigid3d& predicted : predictions) {
+    const int inliers = map_tracker_.TrackCoarse(map, reference_, predicted, radius_px, frame);
+    if (inliers >= enough) return inliers;
+    if (best.landmarks.empty() || inliers > best.num_inliers) {
+      best.camera_from_map = frame->camera_from_map;
+      best.landmarks = frame->landmarks;
+      best.num_inliers = frame->num_inliers;
+      best.num_candidates = frame->num_candidates;
+    }
+  }
+  frame->camera_from_map = best.camera_from_map;
+  frame->landmarks = std::move(best.landmarks);
+  frame->num_inliers = best.num_inliers;
+  frame->num_candidates = best.num_candidates;
+  return frame->num_inliers;
 }
 
 bool Tracker::TrackByMotion(const Map& map, Frame* frame) {
-  const Rigid3d predicted = PredictPose(*frame);
+  const std::vector<Rigid3d> predictions = PredictPoses(*frame);
   Stopwatch stopwatch;
   const MapTrackingOptions& options = options_.map_tracking;
-  int inliers = map_tracker_.TrackCoarse(map, reference_, predicted, options.coarse_radius_px, frame);
-  if (inliers < options.min_coarse_inliers) inliers = map_tracker_.TrackCoarse(map, reference_, predicted, options.wide_radius_px, frame);
+  int inliers = TrackCoarse(map, predictions, options.coarse_radius_px, frame);
+  if (inliers < options.min_coarse_inliers) inliers = TrackCoarse(map, predictions, options.wide_radius_px, frame);
   stage_times_.Add("coarse", stopwatch.Milliseconds());
   if (inliers < options_.keyframe.min_points) {
-    frame->camera_from_map = predicted;
+    frame->camera_from_map = predictions.front();
     return false;
   }
   stopwatch.Restart();
@@ -214,8 +237,7 @@ void Tracker::OnMapperState(const MapperState& state) {
   }
   if (state.refused_keyframe.IsValid()) {
     unacknowledged_.erase(state.refused_keyframe);
-    // The same first frame goes on, with later frames against it.
-    if (pending_pair_ && pending_pair_->second.data->id == state.refused_keyframe) DropPair();
+    if (beginning_.sent() && beginning_.sent()->second.data->id == state.refused_keyframe) DropPair();
   }
 }
 
@@ -223,7 +245,10 @@ void Tracker::ApplyPending() {
   const Stopwatch stopwatch;
   for (auto& [id, replica] : replicas_) {
     if (replica.waiting() == 0) continue;
+    std::optional<MapMotion> motion;
+    if (id == active_map_) motion.emplace(replica.map(), reference_keyframe_);
     for (const MapDelta& delta : replica.ApplyPending()) OnApplied(replica.map(), delta);
+    if (motion) MoveWithMap(*motion);
   }
   stage_times_.Add("apply", stopwatch.Milliseconds());
 }
@@ -232,7 +257,7 @@ void Tracker::OnApplied(const Map& map, const MapDelta& delta) {
   for (const MapDelta::KeyFrameState& state : delta.keyframes) {
     unacknowledged_.erase(state.id);
     const KeyFrame* keyframe = map.FindKeyFrame(state.id);  // null if a later delta of the same batch removed it again
-    if (map.id() == active_map_ && keyframe != nullptr) index_.Add(state.id, keyframe->data->bow);
+    if (map.id() == active_map_ && keyframe != nullptr) index_.Add(state.id, WordsOf(keyframe->data));
   }
   for (const MapDelta::RemovedKeyFrame& removed : delta.removed_keyframes) {
     if (map.id() == active_map_) index_.Remove(removed.id);
@@ -252,6 +277,13 @@ void Tracker::OnApplied(const Map& map, const MapDelta& delta) {
     kept.push_back(landmark);
   }
   reference_ = std::move(kept);
+}
+
+void Tracker::MoveWithMap(const MapMotion& motion) {
+  const auto new_from_old = motion.Measure(ActiveReplica().map());
+  if (!new_from_old || !last_frame_) return;
+  last_frame_->camera_from_map = TransformPose(last_frame_->camera_from_map, *new_from_old);
+  velocity_model_.MoveWithMap(*new_from_old);
 }
 
 std::vector<KeyFrameMessage> Tracker::UnacknowledgedKeyFrames() const {

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <deque>
 #include <map>
 #include <memory>
 #include <optional>
@@ -14,10 +13,12 @@
 #include "features/orb_extractor.h"
 #include "map/map_replica.h"
 #include "map/protocol.h"
+#include "tracking/backfill.h"
 #include "tracking/coarse_to_fine.h"
 #include "tracking/frame_history.h"
-#include "tracking/initializer.h"
 #include "tracking/keyframe_policy.h"
+#include "tracking/map_beginning.h"
+#include "tracking/map_motion.h"
 #include "tracking/relocalizer.h"
 #include "tracking/rotation_estimator.h"
 #include "tracking/tracker_options.h"
@@ -57,6 +58,7 @@ class Tracker {
 
   /// Keyframes that no delta has contained yet: to be sent again to a new owner of their map.
   std::vector<KeyFrameMessage> UnacknowledgedKeyFrames() const;
+  size_t num_unacknowledged() const { return unacknowledged_.size(); }
   /// The last keyframe sent, if the mapper has not taken it in (or refused it) yet: what a lockstep run waits for.
   std::optional<KeyFrameId> AwaitedKeyFrame() const;
   /// Replicas that want a snapshot.
@@ -80,7 +82,10 @@ class Tracker {
   Eigen::Quaterniond EstimateRotation(const Frame& frame, const Eigen::Quaterniond& predicted);
 
   // Paper Fig. 2 and Sec. 3.2.
-  Rigid3d PredictPose(const Frame& frame);
+  /// Where the camera may be, the likeliest first.
+  std::vector<Rigid3d> PredictPoses(const Frame& frame);
+  /// The coarse stage from the first prediction by which it finds enough of the reference's landmarks, else from the best. @return n.
+  int TrackCoarse(const Map& map, const std::vector<Rigid3d>& predictions, double radius_px, Frame* frame) const;
   bool TrackInMap(Frame* frame);
   bool TrackByMotion(const Map& map, Frame* frame);
   void OnTracked(Frame* frame, Output* output);
@@ -92,13 +97,15 @@ class Tracker {
   void Initialize(Frame frame, Output* output);
   bool TryOldMap(Frame* frame);
   void SendPair(Initializer::Pair pair, Output* output);
-  bool HasPairArrived() const;  // whether the mapper has made the new map of it
-  void DropPair();              // refused, or not needed any more
+  void DropPair();  // refused, or not needed any more
   void BeginTracking();
+  void GoOnFrom(Frame frame);
   void BackfillOne();
 
   KeyFrameId Send(KeyFrameKind kind, Frame* frame, KeyFrameMessage message, Output* output);
   void OnApplied(const Map& map, const MapDelta& delta);
+  /// Pose and velocity stay where they are in the scene when the map around the reference keyframe moved.
+  void MoveWithMap(const MapMotion& motion);
   bool IsMapperIdle() const;
   MapReplica& ActiveReplica() { return replicas_.at(active_map_); }
 
@@ -111,7 +118,8 @@ class Tracker {
   MapTracker map_tracker_;
   Relocalizer relocalizer_;
   KeyFramePolicy keyframe_policy_;
-  Initializer initializer_;
+  MapBeginning beginning_;
+  Backfill backfill_;
   FrameHistory history_;
   StageTimes stage_times_;
 
@@ -123,17 +131,10 @@ class Tracker {
 
   TrackingState state_ = TrackingState::kInitializing;
   MapId active_map_;                                        // none until the first map is there
-  MapId new_map_;                                           // being initialised; none otherwise
   std::optional<Frame> last_frame_;                         // tracked or not; its pose is the prediction if not
   std::vector<ReferenceLandmark> reference_;                // of the last tracked frame
   KeyFrameId reference_keyframe_;
   int lost_frames_ = 0;
-
-  std::optional<std::pair<Frame, Frame>> pending_pair_;     // sent to the mapper, not answered yet (data has the keyframes' ids)
-  std::deque<Frame> waiting_frames_;                        // since the pair was sent, to be tracked when the map comes
-  std::vector<Frame> between_frames_;                       // offered to the initializer since its first frame
-  std::deque<Frame> backfill_;                              // of a map that has come
-  std::optional<Frame> backfill_last_;
 
   MapperState mapper_state_;
   std::optional<KeyFrameId> awaited_keyframe_;

@@ -24,6 +24,7 @@ void ReadTracker(ConfigReader* config, TrackerOptions* tracker) {
   config->Read("tracker.map_tracking.wide_radius_px", &map.wide_radius_px, {1, 500});
   config->Read("tracker.map_tracking.fine_radius_px", &map.fine_radius_px, {0.5, 100});
   config->Read("tracker.map_tracking.fine_wide_radius_px", &map.fine_wide_radius_px, {0.5, 100});
+  config->Read("tracker.map_tracking.min_coarse_share", &map.min_coarse_share, {0, 1});
   config->Read("tracker.map_tracking.min_coarse_inliers", &map.min_coarse_inliers, {4, 1000});
   config->Read("tracker.map_tracking.max_distance", &map.max_distance, {0, 256});
   config->Read("tracker.map_tracking.max_local_keyframes", &map.max_local_keyframes, {2, 1000});

@@ -9,6 +9,7 @@ namespace portolan {
 struct MapTrackingOptions {
   double coarse_radius_px = 15.0;      ///< search window of the first stage, at level 0; grows with the feature's level
   double wide_radius_px = 45.0;        ///< when the first stage finds too little
+  double min_coarse_share = 0.5;       ///< of the reference's landmarks; with fewer found, other predictions are tried too
   double fine_radius_px = 4.0;         ///< second stage, when the first had enough inliers
   double fine_wide_radius_px = 10.0;   ///< second stage, when it had not
   int min_coarse_inliers = 20;         ///< enough for the narrow second stage

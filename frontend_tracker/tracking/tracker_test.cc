@@ -331,12 +331,14 @@ TEST_F(TrackerTest, KeyFramesAreKeptUntilADeltaHoldsThem) {
   const Tracker::Output output = tracker_->Track({places_.size() - 1, Timestamp::FromSeconds(10), film_->Render(next)});
   ASSERT_THAT(output.keyframes, SizeIs(1));
   ASSERT_THAT(tracker_->UnacknowledgedKeyFrames(), SizeIs(1));
+  EXPECT_EQ(tracker_->num_unacknowledged(), 1u);
   EXPECT_EQ(tracker_->AwaitedKeyFrame(), output.keyframes[0].data.id);
   tracker_->OnMapperState(idle);  // says nothing about it
   EXPECT_TRUE(tracker_->AwaitedKeyFrame().has_value());
   mapper_->Answer(output, tracker_.get());
   tracker_->ApplyPending();
   EXPECT_THAT(tracker_->UnacknowledgedKeyFrames(), IsEmpty());
+  EXPECT_EQ(tracker_->num_unacknowledged(), 0u);
   EXPECT_FALSE(tracker_->AwaitedKeyFrame().has_value());
 }
 

@@ -22,6 +22,11 @@ void VelocityModel::Update(Timestamp stamp, const Rigid3d& camera_from_map) {
   last_camera_from_map_ = camera_from_map;
 }
 
+void VelocityModel::MoveWithMap(const Sim3d& new_from_old) {
+  last_camera_from_map_ = TransformPose(last_camera_from_map_, new_from_old);
+  velocity_.head<3>() *= new_from_old.scale;  // a twist of the camera's own frame: lengths alone change
+}
+
 Rigid3d VelocityModel::Predict(Timestamp stamp) const {
   PORTOLAN_CHECK(has_pose_) << "a prediction needs a pose";
   const double dt = SecondsBetween(last_stamp_, stamp);

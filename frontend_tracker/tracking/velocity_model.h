@@ -2,6 +2,7 @@
 
 #include "base/time.h"
 #include "geometry/rigid3.h"
+#include "geometry/sim3.h"
 
 namespace portolan {
 
@@ -14,6 +15,9 @@ class VelocityModel {
 
   /// Takes in the pose of a tracked frame. A gap in time of more than kMaxGapSeconds restarts the model.
   void Update(Timestamp stamp, const Rigid3d& camera_from_map);
+
+  /// The map moved under the camera (see MapMotion): pose and velocity stay what they are in the scene.
+  void MoveWithMap(const Sim3d& new_from_old);
 
   /// camera_from_map at `stamp`; the last pose if there is no velocity yet. Only after an Update().
   Rigid3d Predict(Timestamp stamp) const;

@@ -86,5 +86,20 @@ TEST(VelocityModel, GapsAndTimesThatStandStillGiveNoVelocity) {
   EXPECT_FALSE(model.has_pose());
 }
 
+TEST(VelocityModel, MovesWithTheMap) {
+  // The same motion, told in the map as it was and as it is: predictions agree.
+  const Sim3d new_from_old(0.7, ExpSO3({0.2, 0.1, -0.5}), {1, -2, 4});
+  VelocityModel moved, expected;
+  Rigid3d pose(ExpSO3({0.3, 0, 0.1}), {1, 2, 3});
+  for (int i = 0; i < 3; ++i) {
+    moved.Update(At(i), pose);
+    expected.Update(At(i), TransformPose(pose, new_from_old));
+    pose = ExpSE3(kStep * Twist(1)) * pose;
+  }
+  moved.MoveWithMap(new_from_old);
+  EXPECT_LT((moved.velocity() - expected.velocity()).norm(), 1e-9);
+  EXPECT_LT((moved.Predict(At(3)).translation - expected.Predict(At(3)).translation).norm(), 1e-9);
+}
+
 }  // namespace
 }  // namespace portolan

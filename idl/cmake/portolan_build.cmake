@@ -1,6 +1,9 @@
 # What every Portolan package builds with: C++17, warnings as errors, sanitizers by one flag, one way to declare
 # libraries, executables and tests. Installed by portolan_idl, the first package in the order, and included by its Config.
 
+# Of all packages.
+set(PORTOLAN_VERSION 0.1.0)
+
 if(TARGET portolan_flags)
   return()  # a copy of this file at another path was included already
 endif()
@@ -37,6 +40,8 @@ target_compile_options(portolan_flags INTERFACE -Wall -Wextra -Wpedantic -Wshado
 if(PORTOLAN_MARCH)
   add_compile_options(-march=${PORTOLAN_MARCH})
 endif()
+# A program loads the libraries it uses, not all that those it links might: OpenCV's codecs alone bring a hundred.
+add_link_options(-Wl,--as-needed)
 if(PORTOLAN_SANITIZE)
   add_compile_options(-fsanitize=${PORTOLAN_SANITIZE} -fno-omit-frame-pointer)
   add_link_options(-fsanitize=${PORTOLAN_SANITIZE})
@@ -74,6 +79,14 @@ function(portolan_test name)
   set_tests_properties(${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}")
 endfunction()
 
+# portolan_install_version(): lets the packages after it ask for a version, find_package(<project> 0.1).
+function(portolan_install_version)
+  include(CMakePackageConfigHelpers)
+  set(file ${CMAKE_CURRENT_BINARY_DIR}/${PROJECT_NAME}ConfigVersion.cmake)
+  write_basic_package_version_file(${file} VERSION ${PORTOLAN_VERSION} COMPATIBILITY SameMinorVersion)
+  install(FILES ${file} DESTINATION lib/cmake/${PROJECT_NAME})
+endfunction()
+
 # portolan_install_package([HEADERS folder ...] [DEPENDENCIES "find_dependency arguments" ...]): installs the package's libraries and headers, so that
 # find_package(<project>) in the packages after it gives targets <project>::<library>. To be called last.
 function(portolan_install_package)
@@ -91,6 +104,7 @@ function(portolan_install_package)
   endif()
   file(WRITE ${CMAKE_CURRENT_BINARY_DIR}/${PROJECT_NAME}Config.cmake "${config}")
   install(FILES ${CMAKE_CURRENT_BINARY_DIR}/${PROJECT_NAME}Config.cmake DESTINATION ${config_dir})
+  portolan_install_version()
   foreach(folder IN LISTS ARG_HEADERS)
     install(DIRECTORY ${folder} DESTINATION include/portolan FILES_MATCHING PATTERN "*.h")
   endforeach()

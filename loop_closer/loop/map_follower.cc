@@ -30,7 +30,7 @@ std::vector<MapDelta> MapFollower::ApplyPending() {
     for (const auto& state : delta.keyframes) {
       if (index_.Find(state.id) != nullptr) continue;
       const KeyFrame* keyframe = map(delta.map).FindKeyFrame(state.id);  // null when a later delta removed it
-      if (keyframe != nullptr) index_.Add(state.id, keyframe->data->bow);
+      if (keyframe != nullptr) index_.Add(state.id, WordsOf(keyframe->data));
     }
   }
   return applied;

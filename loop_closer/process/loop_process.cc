@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "base/hash.h"
+#include "process/loop_report.h"
 #include "process/process_report.h"
 
 namespace portolan {
@@ -11,10 +12,12 @@ namespace {
 constexpr double kStatusPeriodS = 1.0;
 constexpr double kTickPeriodS = 0.15;  // well within the liveliness lease of 500 ms
 constexpr double kLogPeriodS = 5.0;
+constexpr int kBackgroundNiceSteps = 6;                   // behind the atlas_server too: nobody waits for a global BA
+constexpr auto kAnswerPatience = std::chrono::seconds(10);  // many times what an owner takes to apply a correction
 
 }  // namespace
 
-LoopProcess::LoopProcess(const ProcessSetup& setup, std::shared_ptr<const Vocabulary> vocabulary, Bus* bus,
+LoopProcess::LoopProcess(const ProcessSetup& setup, const LoopOptions& options, std::shared_ptr<const Vocabulary> vocabulary, Bus* bus,
                          const std::string& priority, ProcessLoop* loop)
     : setup_(setup),
       bus_(bus),
@@ -22,7 +25,12 @@ LoopProcess::LoopProcess(const ProcessSetup& setup, std::shared_ptr<const Vocabu
       loop_(loop),
       status_(bus, setup, priority),
       snapshot_writer_(bus->CreateWriter<SnapshotRequest>()),
-      follower_(std::move(vocabulary)) {}
+      correction_writer_(bus->CreateWriter<MapCorrection>()),
+      state_writer_(bus->CreateWriter<LoopState>()),
+      closer_(options, std::move(vocabulary), setup.process),
+      background_(loop, kBackgroundNiceSteps) {
+  state_.process = setup.process;
+}
 
 LoopProcess::~LoopProcess() {
   readers_.clear();
@@ -53,39 +61,86 @@ int LoopProcess::Run() {
 
 void LoopProcess::OnKeyFrame(const KeyFrameMessage& message) {
   const Stopwatch stopwatch;
-  if (!follower_.AddKeyFrame(message) && foreign_++ == 0)
+  if (!closer_.follower().AddKeyFrame(message) && foreign_++ == 0)
     spdlog::error("keyframes of no map, or made with another vocabulary, are passed over");
-  times_.Add("words", stopwatch.Milliseconds());
-  ApplyPending();
+  times_.Add("keyframe_words", stopwatch.Milliseconds());
+  Continue();
 }
 
 void LoopProcess::OnDeltaChunk(const MapDeltaChunk& chunk) {
-  follower_.AddChunk(chunk);
-  ApplyPending();
+  closer_.follower().AddChunk(chunk);
+  Continue();
+}
+
+void LoopProcess::OnMapperState(const MapperState& state) {
+  closer_.OnMapperState(state);
+  Continue();
 }
 
 void LoopProcess::OnStatus(const ProcessStatus& status) {
-  if (status.process != setup_.process) follower_.OnStatus(status);
+  if (status.process != setup_.process) closer_.follower().OnStatus(status);
 }
 
-void LoopProcess::ApplyPending() {
-  const Stopwatch stopwatch;
-  if (!follower_.ApplyPending().empty()) times_.Add("apply", stopwatch.Milliseconds());
+void LoopProcess::Continue() {
+  // A keyframe at a time: what waits behind it, timers among them, gets its turn.
+  if (closer_.Update()) loop_->Post([this] { Continue(); });
+  if (closer_.ShouldCancel()) background_.Cancel();
+  if (!background_.busy()) {
+    if (auto job = closer_.NextJob()) StartJob(std::move(*job));
+  }
+  PublishState();
+}
+
+void LoopProcess::StartJob(LoopCloser::Job job) {
+  background_.Start(
+      [this, job = std::move(job)](const std::atomic<bool>& stop) {
+        // Events are copied: the result, with thousands of points, is not.
+        auto result = std::make_shared<LoopCloser::JobResult>(job(stop));
+        return [this, result] {
+          closer_.OnJobDone(std::move(*result));
+          if (const auto correction = closer_.TakeCorrection()) {
+            correction_writer_->Write(*correction);
+            proposed_at_ = Clock::now();
+          }
+          Continue();
+        };
+      },
+      [this] {
+        closer_.OnJobCancelled();
+        Continue();
+      });
+}
+
+void LoopProcess::PublishState() {
+  LoopState state = state_;
+  state.map = closer_.follower().active_map();
+  if (state.map.IsValid()) {
+    const Map& map = closer_.follower().map(state.map);
+    state.epoch = map.epoch();
+    state.revision = map.revision();
+  }
+  state.last_keyframe = closer_.last_keyframe();
+  state.is_busy = closer_.is_busy();
+  if (state.last_keyframe == state_.last_keyframe && state.is_busy == state_.is_busy) return;
+  state_ = state;
+  state_writer_->Write(state_);
 }
 
 void LoopProcess::OnTick() {
   status_.AssertLiveliness();
   const double now_s = std::chrono::duration<double>(Clock::now().time_since_epoch()).count();
-  for (const SnapshotRequest& request : follower_.DueRequests(now_s, setup_.process)) {
+  for (const SnapshotRequest& request : closer_.follower().DueRequests(now_s, setup_.process)) {
     snapshot_writer_->Write(request);
     ++snapshots_asked_;
   }
+  if (closer_.AwaitsAnswer() && Clock::now() - proposed_at_ > kAnswerPatience) closer_.ForgetCorrection("no answer from the map's owner");
+  Continue();
 }
 
 void LoopProcess::OnLogTimer() {
-  const MapId active = follower_.active_map();
+  const MapId active = closer_.follower().active_map();
   if (!active.IsValid()) return;
-  const MapFollower::Summary summary = follower_.Summarize(active);
+  const MapFollower::Summary summary = closer_.follower().Summarize(active);
   if (summary.map == logged_map_ && summary.revision == logged_revision_) return;
   logged_map_ = summary.map;
   logged_revision_ = summary.revision;
@@ -95,13 +150,19 @@ void LoopProcess::OnLogTimer() {
 }
 
 void LoopProcess::OnStatusTimer() {
-  const MapId active = follower_.active_map();
-  const MapFollower::Summary summary = active.IsValid() ? follower_.Summarize(active) : MapFollower::Summary();
+  state_writer_->Write(state_);  // again and again: a sign of life for who waits for it, and for who came late
+  const MapId active = closer_.follower().active_map();
+  const MapFollower::Summary summary = active.IsValid() ? closer_.follower().Summarize(active) : MapFollower::Summary();
   status_.Publish(active.IsValid() ? "following" : "waiting for a map", active, summary.epoch, summary.revision,
                   {{"keyframes", static_cast<double>(summary.keyframes)},
                    {"points", static_cast<double>(summary.points)},
                    {"covisibility_edges", static_cast<double>(summary.covisibility_edges)},
-                   {"indexed_keyframes", static_cast<double>(follower_.index().size())},
+                   {"indexed_keyframes", static_cast<double>(closer_.follower().index().size())},
+                   {"loops", static_cast<double>(closer_.counters().closed)},
+                   {"loop_candidates", static_cast<double>(closer_.counters().candidates)},
+                   {"loop_refusals", static_cast<double>(closer_.counters().refused)},
+                   {"global_ba", static_cast<double>(closer_.counters().global_ba)},
+                   {"forward_ba", static_cast<double>(closer_.counters().forward_ba)},
                    {"lag", static_cast<double>(summary.lag)},
                    {"snapshots_asked", static_cast<double>(snapshots_asked_)},
                    {"foreign_keyframes", static_cast<double>(foreign_)},
@@ -110,28 +171,33 @@ void LoopProcess::OnStatusTimer() {
 }
 
 int LoopProcess::Finish() {
-  ApplyPending();
-  nlohmann::json report = MakeReport(setup_.options, priority_, times_, *bus_);
+  closer_.Update();
+  StageTimes times = times_;
+  for (const auto& [stage, samples] : closer_.stage_times().samples()) {
+    for (const double sample : samples) times.Add(stage, sample);
+  }
+  nlohmann::json report = MakeReport(setup_.options, priority_, times, *bus_);
+  AddLoops(closer_, &report);
   size_t keyframes = 0, points = 0, edges = 0;
-  for (const MapId id : follower_.Maps()) {
-    const MapFollower::Summary summary = follower_.Summarize(id);
+  for (const MapId id : closer_.follower().Maps()) {
+    const MapFollower::Summary summary = closer_.follower().Summarize(id);
     keyframes += summary.keyframes;
     points += summary.points;
     edges += summary.covisibility_edges;
   }
-  report["maps"] = follower_.Maps().size();
+  report["maps"] = closer_.follower().Maps().size();
   report["keyframes"] = keyframes;
   report["points"] = points;
   report["covisibility_edges"] = edges;
-  report["indexed_keyframes"] = follower_.index().size();
+  report["indexed_keyframes"] = closer_.follower().index().size();
   report["snapshots_asked"] = snapshots_asked_;
-  const MapReplica::Counters counters = follower_.counters();
+  const MapReplica::Counters counters = closer_.follower().counters();
   report["deltas"] = {{"applied", counters.applied},
                       {"repeated", counters.repeated},
                       {"stale_epoch", counters.stale_epoch},
                       {"gaps", counters.gaps}};
   report["map_hash"] = nlohmann::json::object();
-  for (const auto& [id, hash] : follower_.Hashes()) report["map_hash"][ToString(id)] = FormatHash(hash);
+  for (const auto& [id, hash] : closer_.follower().Hashes()) report["map_hash"][ToString(id)] = FormatHash(hash);
   if (Status written = WriteReport(setup_.options, report); !written) {
     spdlog::error("{}", written.error().message);
     return kExitFailure;

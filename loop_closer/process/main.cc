@@ -1,25 +1,16 @@
 #include "process/loop_process.h"
+#include "process/process_start.h"
 
 int main(int argc, char** argv) {
   using namespace portolan;
+  LoopOptions options;
   const ProcessSetup setup =
-      ProcessSetup::Make("loop_closer", "Portolan's loop closer: follows the maps and reports on them", argc, argv,
-                         nullptr, [](ConfigReader*) { return Status(Ok{}); });
+      ProcessSetup::Make("loop_closer", "Portolan's loop closer: finds places seen again, and corrects the map by them", argc, argv, nullptr,
+                         [&](ConfigReader* config) { return ReadLoopOptions(config, &options); });
   if (setup.exit_code) return *setup.exit_code;
 
-  const auto vocabulary = Vocabulary::Open(setup.options.vocabulary_file.empty() ? Vocabulary::DefaultPath()
-                                                                                 : setup.options.vocabulary_file);
-  if (!vocabulary) {
-    spdlog::error("{}", vocabulary.error().message);
-    return kExitBadInput;
-  }
-  ProcessLoop loop(4096);
-  std::string priority;
-  auto bus = StartProcess(setup.options, &priority);
-  if (!bus) {
-    spdlog::error("{}", bus.error().message);
-    return kExitFailure;
-  }
-  LoopProcess process(setup, *vocabulary, bus->get(), priority, &loop);
+  const ProcessStart start = ProcessStart::Make(setup);
+  if (start.exit_code) return *start.exit_code;
+  LoopProcess process(setup, options, start.vocabulary, start.bus.get(), start.priority, start.loop.get());
   return process.Run();
 }

@@ -12,6 +12,7 @@
 #include "base/statistics.h"
 #include "base/time.h"
 #include "dataset/image_source.h"
+#include "version/version.h"
 
 namespace portolan {
 namespace {
@@ -52,6 +53,7 @@ Result<std::vector<double>> MeasureOrb(const Arguments& arguments) {
 int Main(int argc, char** argv) {
   CLI::App app("Median milliseconds of cv::ORB(N, 1.2, 8)->detectAndCompute over a sequence, one thread.",
                "portolan_orb_time");
+  app.set_version_flag("--version", "portolan_orb_time " + BuildDescription());
   Arguments arguments;
   app.add_option("data", arguments.source.data, "data set")->required();
   app.add_option("--camera", arguments.source.camera_file, "calibration (default: found in the data set)");

@@ -5,11 +5,16 @@
 namespace portolan {
 namespace {
 constexpr RobotId kRobot = 0;
+constexpr size_t kDeltaChunkElements = 10000;
 }  // namespace
 
-Pipeline::Pipeline(const TrackerOptions& tracker_options, const MapperOptions& mapper_options, const CameraModel& camera,
-                   std::shared_ptr<const Vocabulary> vocabulary, uint32_t session)
-    : session_(session), mapper_options_(mapper_options), vocabulary_(vocabulary), tracker_(tracker_options, camera, vocabulary, kRobot, session) {
+Pipeline::Pipeline(const TrackerOptions& tracker_options, const MapperOptions& mapper_options, const LoopOptions& loop_options,
+                   const CameraModel& camera, std::shared_ptr<const Vocabulary> vocabulary, uint32_t session)
+    : session_(session),
+      mapper_options_(mapper_options),
+      vocabulary_(vocabulary),
+      tracker_(tracker_options, camera, vocabulary, kRobot, session),
+      loop_closer_(loop_options, vocabulary, ProcessId(kRobot, session, 1)) {
   MapperState idle;
   idle.idle = true;
   tracker_.OnMapperState(idle);
@@ -19,7 +24,12 @@ Tracker::Output Pipeline::Track(const Image& image) {
   Tracker::Output output = tracker_.Track(image);
   for (const MapId map : output.new_maps) {
     mappers_[map] = std::make_unique<LocalMapper>(mapper_options_, map, next_epoch_++, kRobot, session_,
-                                                  [this](MapDelta delta) { tracker_.AddDelta(std::move(delta)); });
+                                                  [this](MapDelta delta) {
+                                                    for (MapDeltaChunk& chunk : SplitDelta(delta, kDeltaChunkElements)) {
+                                                      loop_closer_.follower().AddChunk(std::move(chunk));
+                                                    }
+                                                    tracker_.AddDelta(std::move(delta));
+                                                  });
   }
   for (const KeyFrameMessage& message : output.keyframes) Map(message);
   tracker_.ApplyPending();
@@ -29,6 +39,7 @@ Tracker::Output Pipeline::Track(const Image& image) {
 void Pipeline::Map(const KeyFrameMessage& message) {
   LocalMapper& mapper = *mappers_.at(message.map);
   auto data = MakeKeyFrameData(message.data, vocabulary_.get());
+  loop_closer_.follower().AddKeyFrame(message);
   MapperState state;
   state.map = message.map;
   state.idle = true;
@@ -41,6 +52,7 @@ void Pipeline::Map(const KeyFrameMessage& message) {
     status = mapper.Initialize(firsts_.at(message.reference), data, message);
   } else {
     status = mapper.Process(data, message, [] { return false; }, nullptr);
+    if (const auto problem = mapper.NextLensProblem()) mapper.TakeLensFinding(FindRadialResidual(*problem, mapper_options_.lens));
   }
   state.last_keyframe = data->id;
   state.residual = mapper.residual();
@@ -51,6 +63,29 @@ void Pipeline::Map(const KeyFrameMessage& message) {
     state.refusal = status.error().message;
   }
   tracker_.OnMapperState(state);
+  CloseLoops(&mapper, state);
+}
+
+void Pipeline::CloseLoops(LocalMapper* mapper, MapperState state) {
+  const std::atomic<bool> go_on{false};
+  const auto tell = [&] {
+    state.epoch = mapper->map().epoch();
+    state.revision = mapper->map().revision();
+    loop_closer_.OnMapperState(state);
+    while (loop_closer_.Update()) {
+    }
+  };
+  tell();
+  while (const auto job = loop_closer_.NextJob()) {
+    loop_closer_.OnJobDone((*job)(go_on));
+    const auto correction = loop_closer_.TakeCorrection();
+    if (!correction) continue;
+    const Status applied = mapper->ApplyCorrection(*correction);
+    state.correction_process = correction->process;
+    state.correction_number = correction->number;
+    state.correction_refusal = applied ? "" : applied.error().message;
+    tell();
+  }
 }
 
 }  // namespace portolan

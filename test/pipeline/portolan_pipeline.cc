@@ -1,4 +1,4 @@
-// Runs tracker and mapper in one process on a data set, in lockstep: for work on the algorithm. Writes the trajectories of portolan's run.sh.
+// Runs tracker, mapper and loop closer in one process on a data set, in lockstep: for work on the algorithm. Writes the trajectories of portolan's run.sh.
 
 #include <spdlog/spdlog.h>
 
@@ -14,12 +14,13 @@
 #include "pipeline/map_file.h"
 #include "pipeline/pipeline.h"
 #include "tracking/tracker_config.h"
+#include "version/version.h"
 
 namespace portolan {
 namespace {
 
 int Run(const SourceOptions& source_options, const std::string& out, const TrackerOptions& tracker_options, const MapperOptions& mapper_options,
-        int every, uint32_t session, const std::string& maps_file) {
+        const LoopOptions& loop_options, int every, uint32_t session, const std::string& maps_file) {
   auto vocabulary = Vocabulary::Open(Vocabulary::DefaultPath());
   if (!vocabulary) {
     spdlog::error("{}", vocabulary.error().message);
@@ -30,7 +31,7 @@ int Run(const SourceOptions& source_options, const std::string& out, const Track
     spdlog::error("{}", source.error().message);
     return 2;
   }
-  Pipeline pipeline(tracker_options, mapper_options, (*source)->camera(), *vocabulary, session);
+  Pipeline pipeline(tracker_options, mapper_options, loop_options, (*source)->camera(), *vocabulary, session);
   uint64_t frames = 0, tracked = 0;
   for (;;) {
     auto image = (*source)->Next();
@@ -88,10 +89,12 @@ int Run(const SourceOptions& source_options, const std::string& out, const Track
 }  // namespace portolan
 
 int main(int argc, char** argv) {
-  CLI::App app("Tracker and mapper in one process on a data set, in lockstep");
+  CLI::App app("Tracker, mapper and loop closer in one process on a data set, in lockstep");
+  app.set_version_flag("--version", "portolan_pipeline_run " + portolan::BuildDescription());
   portolan::SourceOptions source;
   portolan::TrackerOptions tracker;
   portolan::MapperOptions mapper;
+  portolan::LoopOptions loop;
   std::string out = ".", level = "info", maps;
   int every = 1;
   uint32_t session = 1;
@@ -120,10 +123,11 @@ int main(int argc, char** argv) {
   for (const std::string& set : sets) read = read ? config.Set(set) : read;
   if (read) read = portolan::ReadTrackerOptions(&config, &tracker);
   if (read) read = portolan::ReadMapperOptions(&config, &mapper);
+  if (read) read = portolan::ReadLoopOptions(&config, &loop);
   if (read) read = config.Finish();
   if (!read) {
     spdlog::error("{}", read.error().message);
     return 2;
   }
-  return portolan::Run(source, out, tracker, mapper, every, session, maps);
+  return portolan::Run(source, out, tracker, mapper, loop, every, session, maps);
 }

@@ -72,7 +72,7 @@ class Precision {
   /// From the youngest keyframe to the oldest: each is asked, then taken out, so that the map is as it was when it came.
   void Run() {
     for (auto map = maps_.begin(); map != maps_.end();) {
-      for (const auto& [keyframe, state] : map->second.keyframes()) index_.Add(keyframe, state.data->bow);
+      for (const auto& [keyframe, state] : map->second.keyframes()) index_.Add(keyframe, WordsOf(state.data));
       map = map->second.keyframes().empty() ? maps_.erase(map) : std::next(map);
     }
     while (!maps_.empty()) {

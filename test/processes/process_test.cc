@@ -50,8 +50,8 @@ std::string ProcessTest::Program(const std::string& name) {
   return BinFolder() + "/" + name;
 }
 
-std::string ProcessTest::Sequence() {
-  return std::string(PORTOLAN_TEST_SEQUENCES) + "/street";
+std::string ProcessTest::Sequence(const std::string& name) {
+  return std::string(PORTOLAN_TEST_SEQUENCES) + "/" + name;
 }
 
 uint64_t ProcessTest::NumFrames() {

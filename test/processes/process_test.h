@@ -35,8 +35,8 @@ class ProcessTest : public ::testing::Test {
 
   /// An installed program; its folder is that of the installation, or $PORTOLAN_BIN.
   static std::string Program(const std::string& name);
-  /// The data set that CTest's fixture rendered.
-  static std::string Sequence();
+  /// A data set that CTest's fixture rendered.
+  static std::string Sequence(const std::string& name = "street");
   static uint64_t NumFrames();
   std::string Out() const { return folder_.Path("out"); }
   std::string Truth() const { return Sequence() + "/groundtruth.txt"; }

@@ -49,6 +49,7 @@ void ExpectSummaryKeys(const nlohmann::json& summary) {
     EXPECT_GT(summary["peak_memory_mb"].value(role, 0.0), 0) << role;
     EXPECT_GT(summary["cpu_s"].value(role, 0.0), 0) << role;
     EXPECT_TRUE(summary["stages_ms"].contains(role)) << role;
+    EXPECT_NE(summary["build"].value(role, ""), "") << role;
   }
 }
 

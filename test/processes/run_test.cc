@@ -57,6 +57,17 @@ TEST_F(RunTest, TwoLockstepRunsGiveTheSameBytes) {
   }
 }
 
+TEST_F(RunTest, EveryProgramTellsWhatItWasBuiltFrom) {
+  for (const char* program : {"portolan_frontend_tracker", "portolan_backend_mapper", "portolan_loop_closer",
+                              "portolan_atlas_server", "portolan_vocabulary", "portolan_synth", "portolan_eval",
+                              "portolan_play", "portolan_pipeline_run", "portolan_orb_time"}) {
+    const Ended ended = RunToEnd({Program(program), "--version"});
+    EXPECT_EQ(ended.code, 0) << program;
+    // Programs of one installation may be of several commits: packages are built one by one.
+    EXPECT_THAT(ended.output, ::testing::MatchesRegex(std::string(program) + " [0-9.]+ ([0-9a-f]+ )?[A-Za-z]+\n"));
+  }
+}
+
 TEST_F(RunTest, SlowRealTimeDropsNothingAndCountsEveryFrameOnce) {
   const Ended run = RunToEnd(RunCommand({"--data", Sequence(), "--speed", "0.5"}));
   ExpectGoodRun(run);

@@ -1,4 +1,4 @@
-#include "mapping/keyframe_view.h"
+#include "map/keyframe_view.h"
 
 namespace portolan {
 

@@ -1,21 +1,21 @@
-#include "mapping/keyframe_view.h"
+#include "map/keyframe_view.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "mapping/mapping_test_scene.h"
+#include "map/map.h"
+#include "testing/map_builder.h"
+#include "testing/synthetic_scene.h"
 
 namespace portolan {
 namespace {
 
 TEST(KeyFrameView, PredictsPixelAndOctaveOfWhatItSees) {
-  TestScene scene;
-  const auto views = SeeAlongPath(&scene, 3, 0.5);
-  const Map map = BuildTrueMap(scene, views);
+  const Map map = BuildMap(MakeSyntheticScene(SyntheticSceneOptions()));
   int predicted_count = 0;
   for (const auto& [id, keyframe] : map.keyframes()) {
     const KeyFrameView view(keyframe);
-    for (uint32_t f = 0; f < keyframe.landmarks.size(); ++f) {
+    for (uint32_t f = 0; f < keyframe.landmarks.num_features(); ++f) {
       if (view.IsFree(f)) continue;
       const auto predicted = view.Predict(map.point(keyframe.landmarks[f]));
       if (!predicted) continue;  // on the image border
@@ -28,12 +28,10 @@ TEST(KeyFrameView, PredictsPixelAndOctaveOfWhatItSees) {
 }
 
 TEST(KeyFrameView, RefusesWhatCannotBeSeen) {
-  TestScene scene;
-  const auto views = SeeAlongPath(&scene, 2, 0.5);
-  Map map = BuildTrueMap(scene, views);
+  const Map map = BuildMap(MakeSyntheticScene(SyntheticSceneOptions()));
   MapPoint point = map.point(map.SortedPointIds().front());
   const auto sees_from = [&](const Rigid3d& camera_from_map) {
-    KeyFrame keyframe = map.keyframe(views[0].data->id);
+    KeyFrame keyframe = map.keyframes().begin()->second;
     keyframe.camera_from_map = camera_from_map;
     return KeyFrameView(keyframe).Predict(point).has_value();
   };

@@ -1,0 +1,21 @@
+#pragma once
+
+#include <atomic>
+
+#include "base/result.h"
+#include "base/statistics.h"
+#include "map/map.h"
+#include "map/protocol.h"
+#include "map_optimization/keyframe_adjustment.h"
+
+namespace portolan {
+
+/// Global BA (paper Sec. 5): all keyframes of a snapshot and the longest tracks of each; other landmarks follow. The
+/// map keeps its frame and scale.
+/// @return the proposal, kind "global_ba"; or why there is none: too small a map, no improvement, "interrupted".
+/// `stop` (may be null) ends it after the current iteration, without a result. `times` (may be null) gets global_ba.
+/// Deterministic.
+Result<MapCorrection> AdjustGlobally(const Map& map, const KeyFrameAdjustmentOptions& options,
+                                     const std::atomic<bool>* stop, StageTimes* times);
+
+}  // namespace portolan

@@ -1,0 +1,243 @@
+#include "loop/loop_closer.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <utility>
+
+namespace portolan {
+namespace {
+
+constexpr size_t kMaxRefusals = 500;  // kept for the report
+constexpr int kMaxForwardPatience = 8;
+
+const char* Name(LoopCloser::JobKind kind) {
+  switch (kind) {
+    case LoopCloser::JobKind::kLoop: return "loop correction";
+    case LoopCloser::JobKind::kGlobalBundleAdjustment: return "global BA";
+    case LoopCloser::JobKind::kForwardBundleAdjustment: return "FBA";
+  }
+  return "";
+}
+
+}  // namespace
+
+LoopCloser::LoopCloser(const LoopOptions& options, std::shared_ptr<const Vocabulary> vocabulary, ProcessId process)
+    : options_(options), process_(process), follower_(std::move(vocabulary)), detector_(options.detector) {}
+
+void LoopCloser::OnMapperState(const MapperState& state) {
+  follower_.OnMapperState(state);
+  if (state.correction_process == process_) OnAnswered(state);
+  if (!state.last_keyframe.IsValid()) return;
+  if (!options_.enabled) {
+    last_keyframe_ = state.last_keyframe;
+    return;
+  }
+  if (state.last_keyframe == last_keyframe_ || (!ready_.empty() && ready_.back().keyframe == state.last_keyframe)) return;
+  ready_.push_back({state.map, state.last_keyframe, state.revision});
+  while (static_cast<int>(ready_.size()) > options_.max_waiting) {
+    ready_.pop_front();
+    ++counters_.passed_over;
+  }
+}
+
+bool LoopCloser::Update() {
+  follower_.ApplyPending();
+  // One loop at a time: what keyframes see while it is being closed is measured in the map as it was.
+  if (ready_.empty() || closing_ || !IsSettled()) return false;
+  const Ready next = ready_.front();
+  if (next.revision > 0 && !Has(next.map, next.revision)) return false;  // its delta is on the way
+  ready_.pop_front();
+  LookAt(next);
+  return !ready_.empty();
+}
+
+bool LoopCloser::Has(MapId map, Revision revision) const {
+  const auto maps = follower_.Maps();
+  return std::find(maps.begin(), maps.end(), map) != maps.end() && follower_.map(map).revision() >= revision;
+}
+
+/// Whether the replica has the last correction.
+bool LoopCloser::IsSettled() const { return !corrected_map_.IsValid() || Has(corrected_map_, corrected_revision_); }
+
+void LoopCloser::LookAt(const Ready& ready) {
+  last_keyframe_ = ready.keyframe;
+  if (ready.revision == 0) return;  // of a map that has not begun
+  const Map& map = follower_.map(ready.map);
+  if (map.FindKeyFrame(ready.keyframe) == nullptr) return;  // refused, or pruned since
+  if (ready.map != detector_map_) detector_.Reset();
+  detector_map_ = ready.map;
+  ++counters_.looked_at;
+  ++keyframes_since_forward_;
+  const LoopDetection detection = detector_.Detect(map, ready.keyframe, follower_.index(), &times_);
+  counters_.candidates += static_cast<uint64_t>(detection.candidates);
+  counters_.consistent += static_cast<uint64_t>(detection.consistent);
+  counters_.confirmed += detection.confirmed ? 1 : 0;
+  NoteRefusals(map, detection.refusals);
+  if (detection.confirmed) {
+    spdlog::info("loop: {} sees the place of {} ({} landmarks){}", ToString(ready.keyframe), ToString(detection.confirmed->matched),
+                 detection.confirmed->place.group_inliers, detection.loop ? "" : "; waits for another keyframe to say the same");
+  }
+  if (detection.loop) OnLoop(map, *detection.loop);
+}
+
+void LoopCloser::NoteRefusals(const Map& map, const std::vector<LoopRefusal>& refusals) {
+  for (const LoopRefusal& refusal : refusals) {
+    spdlog::debug("loop: {} (frame {}) is not {} (frame {}): {}", ToString(refusal.current), map.keyframe(refusal.current).data->frame,
+                  ToString(refusal.candidate), map.keyframe(refusal.candidate).data->frame, refusal.reason);
+    refusals_.push_back(refusal);
+    if (refusals_.size() > kMaxRefusals) refusals_.pop_front();
+    ++counters_.refused;
+  }
+}
+
+void LoopCloser::OnLoop(const Map& map, const DetectedLoop& loop) {
+  closing_ = loop;
+  closing_map_ = map.id();
+  since_detection_.Restart();
+  ClosureRecord record;
+  record.current = loop.current;
+  record.matched = loop.matched;
+  record.stamp = map.keyframe(loop.current).data->stamp;
+  record.matched_stamp = map.keyframe(loop.matched).data->stamp;
+  record.corrected_from_map = loop.corrected_from_map;
+  record.inliers = loop.place.inliers;
+  record.group_inliers = loop.place.group_inliers;
+  spdlog::info("loop: frame {} closes with frame {}: scale {:.3f}, {} inliers, {} landmarks seen again", map.keyframe(loop.current).data->frame,
+               map.keyframe(loop.matched).data->frame, loop.corrected_from_map.scale, loop.place.inliers, loop.place.group_inliers);
+  closures_.push_back(std::move(record));
+}
+
+bool LoopCloser::IsForwardDue() const {
+  return options_.enabled && options_.forward_ba && ready_.empty() && keyframes_since_forward_ >= forward_patience_ * options_.forward_every_keyframes;
+}
+
+std::optional<LoopCloser::Job> LoopCloser::NextJob() {
+  if (running_ || proposal_ || outbox_ || !IsSettled()) return std::nullopt;
+  if (closing_) return MakeJob(JobKind::kLoop, closing_map_);
+  if (wants_global_) return MakeJob(JobKind::kGlobalBundleAdjustment, *std::exchange(wants_global_, std::nullopt));
+  if (!IsForwardDue()) return std::nullopt;
+  keyframes_since_forward_ = 0;
+  return MakeJob(JobKind::kForwardBundleAdjustment, detector_map_);
+}
+
+LoopCloser::Job LoopCloser::MakeJob(JobKind kind, MapId map) {
+  auto snapshot = std::make_shared<const Map>(follower_.map(map));
+  running_ = Running{kind, map, snapshot->epoch()};
+  JobResult result;
+  result.kind = kind;
+  result.map = map;
+  switch (kind) {
+    case JobKind::kLoop: {
+      LoopClosure loop;
+      loop.current = closing_->current;
+      loop.matched = closing_->matched;
+      loop.current_from_matched = closing_->place.query_from_candidate;
+      loop.seen = closing_->place.seen;
+      loop.merges = closing_->place.matches;
+      loop.earlier_edges = loop_edges_[map];
+      return [snapshot, loop, options = options_.correction, result](const std::atomic<bool>& stop) mutable {
+        result.correction = CorrectLoop(*snapshot, loop, options, &stop, &result.times);
+        return result;
+      };
+    }
+    case JobKind::kGlobalBundleAdjustment:
+      return [snapshot, options = options_.global, result](const std::atomic<bool>& stop) mutable {
+        result.correction = AdjustGlobally(*snapshot, options, &stop, &result.times);
+        return result;
+      };
+    case JobKind::kForwardBundleAdjustment: break;
+  }
+  return [snapshot, from = last_keyframe_, edges = loop_edges_[map], options = options_.forward, result](const std::atomic<bool>& stop) mutable {
+    result.correction = AdjustForward(*snapshot, from, edges, options, &stop, &result.times);
+    return result;
+  };
+}
+
+bool LoopCloser::ShouldCancel() const {
+  if (!running_) return false;
+  if (running_->kind != JobKind::kLoop && closing_) return true;
+  if (running_->map != follower_.active_map()) return true;
+  return follower_.map(running_->map).epoch() != running_->epoch;
+}
+
+void LoopCloser::OnJobCancelled() {
+  ++counters_.cancelled;
+  const Running cancelled = *std::exchange(running_, std::nullopt);
+  spdlog::info("{} of map {} cancelled", Name(cancelled.kind), ToString(cancelled.map));
+  if (cancelled.kind == JobKind::kLoop) {
+    FinishClosure("cancelled: the map has another owner, or the robot is in another map");
+  } else if (cancelled.kind == JobKind::kGlobalBundleAdjustment && cancelled.map == follower_.active_map()) {
+    wants_global_ = cancelled.map;  // after the loop that was in its way
+  }
+}
+
+void LoopCloser::OnJobDone(JobResult result) {
+  running_.reset();
+  for (const auto& [stage, samples] : result.times.samples()) {
+    for (const double sample : samples) times_.Add(stage, sample);
+  }
+  if (result.kind == JobKind::kLoop) {
+    closures_.back().times = result.times;
+    if (result.correction) closing_edges_ = result.correction->loop_edges;
+  }
+  if (!result.correction) {
+    spdlog::info("{} of map {} came to nothing: {}", Name(result.kind), ToString(result.map), result.correction.error().message);
+    if (result.kind == JobKind::kLoop) FinishClosure(result.correction.error().message);
+    if (result.kind == JobKind::kForwardBundleAdjustment) forward_patience_ = std::min(2 * forward_patience_, kMaxForwardPatience);
+    return;
+  }
+  outbox_ = std::move(*result.correction);
+  outbox_->process = process_;
+  outbox_->number = next_number_++;
+  outbox_kind_ = result.kind;
+}
+
+std::optional<MapCorrection> LoopCloser::TakeCorrection() {
+  if (!outbox_) return std::nullopt;
+  proposal_ = Proposal{*outbox_kind_, outbox_->number};
+  return std::exchange(outbox_, std::nullopt);
+}
+
+void LoopCloser::OnAnswered(const MapperState& state) {
+  if (!proposal_ || state.correction_number != proposal_->number) return;
+  const JobKind kind = std::exchange(proposal_, std::nullopt)->kind;
+  corrected_map_ = state.map;
+  corrected_revision_ = state.revision;
+  const std::string& problem = state.correction_refusal;
+  if (!problem.empty()) spdlog::warn("the owner refused the {}: {}", Name(kind), problem);
+  if (kind == JobKind::kLoop) FinishClosure(problem);
+  if (kind == JobKind::kGlobalBundleAdjustment && problem.empty()) ++counters_.global_ba;
+  if (kind == JobKind::kForwardBundleAdjustment && problem.empty()) {
+    ++counters_.forward_ba;
+    forward_patience_ = 1;
+  }
+}
+
+void LoopCloser::ForgetCorrection(const std::string& reason) {
+  if (!proposal_) return;
+  const JobKind kind = std::exchange(proposal_, std::nullopt)->kind;
+  spdlog::warn("{}: {}", Name(kind), reason);
+  if (kind == JobKind::kLoop) FinishClosure(reason);
+}
+
+void LoopCloser::FinishClosure(const std::string& problem) {
+  ClosureRecord& record = closures_.back();
+  record.is_applied = problem.empty();
+  record.problem = problem;
+  record.times.Add("applied", since_detection_.Milliseconds());
+  if (record.is_applied) {
+    times_.Add("loop_to_map", since_detection_.Milliseconds());
+    ++counters_.closed;
+    auto& edges = loop_edges_[closing_map_];
+    edges.insert(edges.end(), closing_edges_.begin(), closing_edges_.end());
+    if (options_.global_ba) wants_global_ = closing_map_;
+    keyframes_since_forward_ = 0;
+  } else {
+    ++counters_.failed;
+  }
+  closing_.reset();
+  detector_.Reset();
+}
+
+}  // namespace portolan

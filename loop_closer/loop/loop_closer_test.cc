@@ -1,0 +1,236 @@
+#include "loop/loop_closer.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "loop/loop_test_scene.h"
+#include "map_optimization/map_correction.h"
+#include "testing/matchers.h"
+
+namespace portolan {
+namespace {
+
+using ::testing::HasSubstr;
+using JobKind = LoopCloser::JobKind;
+
+const ProcessId kProcess(0, 1, 7);
+const std::atomic<bool> kGoOn{false};
+
+/// A map's owner that has seen one pass and sends the second, keyframe by keyframe, to a LoopCloser.
+class LoopCloserTest : public ::testing::Test {
+ protected:
+  explicit LoopCloserTest(const LoopOptions& options = Options()) : closer_(options, passes_.vocabulary, kProcess) {
+    SendDelta();  // first: a follower keeps but a few keyframes that no delta has named
+    for (const SyntheticScene* scene : {&passes_.first, &passes_.second}) {
+      for (const SyntheticView& view : scene->views) Send(*view.data);
+    }
+  }
+  static LoopOptions Options() {
+    LoopOptions options;
+    options.forward_every_keyframes = 100000;
+    return options;
+  }
+
+  void Send(const KeyFrameData& data) {
+    KeyFrameMessage message;
+    message.kind = KeyFrameKind::kCopy;
+    message.map = owner_.id();
+    message.data = data;
+    message.vocabulary_hash = passes_.vocabulary->hash();
+    ASSERT_TRUE(closer_.follower().AddKeyFrame(message));
+  }
+  void SendDelta() {
+    for (const MapDeltaChunk& chunk : SplitDelta(owner_.TakeDelta(), 1000)) closer_.follower().AddChunk(chunk);
+  }
+  void Acknowledge(KeyFrameId keyframe) {
+    state_.process = ProcessId(0, 1, 1);
+    state_.map = owner_.id();
+    state_.epoch = owner_.epoch();
+    state_.revision = owner_.revision();
+    state_.last_keyframe = keyframe;
+    closer_.OnMapperState(state_);
+    while (closer_.Update()) {
+    }
+  }
+  /// Acknowledges keyframes of the second pass until there is work. @return whether there was.
+  bool FindLoop() {
+    for (; next_view_ < passes_.second.views.size(); ++next_view_) {
+      Acknowledge(passes_.second.views[next_view_].data->id);
+      if (!closer_.closures().empty()) return true;
+    }
+    return false;
+  }
+  void Answer(const MapCorrection& correction) {
+    const auto applied = ApplyMapCorrection(correction, &owner_);
+    SendDelta();
+    state_.correction_process = correction.process;
+    state_.correction_number = correction.number;
+    state_.correction_refusal = applied.ok() ? "" : applied.error().message;
+    state_.revision = owner_.revision();
+    closer_.OnMapperState(state_);
+    while (closer_.Update()) {
+    }
+  }
+  /// Runs what is due, on this thread. @return its kind, none if nothing was due.
+  std::optional<JobKind> RunJob() {
+    auto job = closer_.NextJob();
+    if (!job) return std::nullopt;
+    LoopCloser::JobResult result = (*job)(kGoOn);
+    const JobKind kind = result.kind;
+    closer_.OnJobDone(std::move(result));
+    return kind;
+  }
+
+  const TwoPasses passes_ = MakeTwoPasses(LoopSceneOptions());
+  Map owner_ = MapWithLoop(passes_);
+  LoopCloser closer_;
+  MapperState state_;
+  size_t next_view_ = 0;
+};
+
+TEST_F(LoopCloserTest, ClosesALoopThenAdjustsTheWholeMap) {
+  const KeyFrameId seen_again = passes_.second.views[10].data->id;
+  const auto error = [&] {  // of where the second pass lies, against the first
+    return (owner_.keyframe(seen_again).camera_from_map.TargetOriginInSource() - passes_.second.views[10].camera_from_world.TargetOriginInSource())
+        .norm();
+  };
+  const double before = error();
+  EXPECT_GT(before, 0.1);
+  ASSERT_TRUE(FindLoop());
+  EXPECT_TRUE(closer_.is_busy());
+  ASSERT_EQ(RunJob(), JobKind::kLoop);
+  const auto loop = closer_.TakeCorrection();
+  ASSERT_TRUE(loop);
+  EXPECT_EQ(loop->kind, "loop");
+  EXPECT_EQ(loop->process, kProcess);
+  EXPECT_FALSE(closer_.TakeCorrection()) << "once";
+  EXPECT_FALSE(RunJob()) << "the owner has not answered";
+  Answer(*loop);
+  ASSERT_EQ(closer_.closures().size(), 1u);
+  EXPECT_TRUE(closer_.closures().front().is_applied) << closer_.closures().front().problem;
+  EXPECT_LT(error(), 0.05 * before);
+  EXPECT_TRUE(ValidateMap(owner_).empty());
+
+  ASSERT_EQ(RunJob(), JobKind::kGlobalBundleAdjustment);
+  if (const auto global = closer_.TakeCorrection()) Answer(*global);  // a map without noise may leave nothing to improve
+  EXPECT_FALSE(closer_.is_busy());
+  EXPECT_EQ(closer_.counters().closed, 1u);
+}
+
+TEST_F(LoopCloserTest, ALoopIsNotClosedTwice) {
+  ASSERT_TRUE(FindLoop());
+  ASSERT_EQ(RunJob(), JobKind::kLoop);
+  Answer(*closer_.TakeCorrection());
+  RunJob();
+  if (const auto global = closer_.TakeCorrection()) Answer(*global);
+  const uint64_t before = closer_.counters().looked_at;
+  for (size_t view = next_view_ + 1; view < passes_.second.views.size(); ++view) Acknowledge(passes_.second.views[view].data->id);
+  EXPECT_GT(closer_.counters().looked_at, before);
+  EXPECT_EQ(closer_.closures().size(), 1u);
+}
+
+TEST_F(LoopCloserTest, ARefusedCorrectionLeavesTheLoopOpen) {
+  ASSERT_TRUE(FindLoop());
+  ASSERT_EQ(RunJob(), JobKind::kLoop);
+  MapCorrection stale = *closer_.TakeCorrection();
+  stale.epoch += 1;  // as if another owner had the map by now
+  Answer(stale);
+  EXPECT_FALSE(closer_.closures().front().is_applied);
+  EXPECT_THAT(closer_.closures().front().problem, HasSubstr("epoch"));
+  EXPECT_EQ(closer_.counters().failed, 1u);
+  EXPECT_FALSE(closer_.NextJob()) << "no global BA without a loop";
+}
+
+TEST_F(LoopCloserTest, AnOwnerThatDoesNotAnswerIsForgotten) {
+  ASSERT_TRUE(FindLoop());
+  ASSERT_EQ(RunJob(), JobKind::kLoop);
+  ASSERT_TRUE(closer_.TakeCorrection());
+  EXPECT_TRUE(closer_.AwaitsAnswer());
+  closer_.ForgetCorrection("no answer");
+  EXPECT_FALSE(closer_.AwaitsAnswer());
+  EXPECT_EQ(closer_.closures().front().problem, "no answer");
+}
+
+TEST_F(LoopCloserTest, AJobEndsWhenTheMapGetsAnotherOwner) {
+  ASSERT_TRUE(FindLoop());
+  ASSERT_TRUE(closer_.NextJob());
+  EXPECT_FALSE(closer_.ShouldCancel());
+  owner_.SetEpoch(owner_.epoch() + 1);
+  for (const MapDeltaChunk& chunk : SplitDelta(owner_.Snapshot(), 1000)) closer_.follower().AddChunk(chunk);
+  closer_.Update();
+  EXPECT_TRUE(closer_.ShouldCancel());
+  closer_.OnJobCancelled();
+  EXPECT_FALSE(closer_.ShouldCancel());
+  EXPECT_FALSE(closer_.closures().front().is_applied);
+  EXPECT_EQ(closer_.counters().cancelled, 1u);
+}
+
+TEST_F(LoopCloserTest, AStoppedCorrectionComesToNothing) {
+  ASSERT_TRUE(FindLoop());
+  auto job = closer_.NextJob();
+  ASSERT_TRUE(job);
+  const std::atomic<bool> stop{true};
+  LoopCloser::JobResult result = (*job)(stop);
+  EXPECT_FALSE(result.correction.ok());
+  closer_.OnJobDone(std::move(result));
+  EXPECT_FALSE(closer_.TakeCorrection());
+  EXPECT_THAT(closer_.closures().front().problem, HasSubstr("interrupted"));
+}
+
+TEST_F(LoopCloserTest, KeyFramesOfNoMapAreAnsweredFor) {
+  MapperState first;  // of a pair that is to begin a map
+  first.process = ProcessId(0, 1, 1);
+  first.map = MapId(0, 9, 9);
+  first.last_keyframe = KeyFrameId(0, 9, 9);
+  closer_.OnMapperState(first);
+  closer_.Update();
+  EXPECT_EQ(closer_.last_keyframe(), first.last_keyframe);
+  EXPECT_FALSE(closer_.is_busy());
+}
+
+class OverloadedLoopCloserTest : public LoopCloserTest {
+ protected:
+  static LoopOptions Few() {
+    LoopOptions options = Options();
+    options.max_waiting = 2;
+    return options;
+  }
+  OverloadedLoopCloserTest() : LoopCloserTest(Few()) {}
+};
+
+TEST_F(OverloadedLoopCloserTest, PassesOverTheOldestKeyFrames) {
+  for (size_t view = 0; view < 5; ++view) {
+    state_.process = ProcessId(0, 1, 1);
+    state_.map = owner_.id();
+    state_.revision = owner_.revision();
+    state_.last_keyframe = passes_.second.views[view].data->id;
+    closer_.OnMapperState(state_);
+  }
+  EXPECT_EQ(closer_.counters().passed_over, 3u);
+  while (closer_.Update()) {
+  }
+  EXPECT_EQ(closer_.counters().looked_at, 2u);
+  EXPECT_EQ(closer_.last_keyframe(), state_.last_keyframe);
+}
+
+class ForwardLoopCloserTest : public LoopCloserTest {
+ protected:
+  static LoopOptions Forward() {
+    LoopOptions options = Options();
+    options.forward_every_keyframes = 5;
+    options.detector.min_keyframes = 100000;  // no loops
+    return options;
+  }
+  ForwardLoopCloserTest() : LoopCloserTest(Forward()) {}
+};
+
+TEST_F(ForwardLoopCloserTest, AdjustsForwardWhenIdle) {
+  for (size_t view = 0; view < 4; ++view) Acknowledge(passes_.second.views[view].data->id);
+  EXPECT_FALSE(closer_.NextJob());
+  Acknowledge(passes_.second.views[4].data->id);
+  EXPECT_EQ(RunJob(), JobKind::kForwardBundleAdjustment);
+  EXPECT_FALSE(closer_.NextJob()) << "not before further keyframes";
+}
+
+}  // namespace
+}  // namespace portolan

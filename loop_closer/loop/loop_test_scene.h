@@ -1,0 +1,30 @@
+#pragma once
+
+#include "map/map.h"
+#include "place_recognition/place_test_scene.h"
+
+// What tests of loop closing share: a place seen on two passes, in one map that has drifted between them.
+
+namespace portolan {
+
+inline SyntheticSceneOptions LoopSceneOptions() {
+  SyntheticSceneOptions options;
+  options.num_landmarks = 400;
+  options.num_clutter = 200;
+  options.num_views = 20;
+  options.travel = 2;
+  options.descriptor_flip_ratio = 0.03;
+  return options;
+}
+
+/// Where the second pass came out: where it should be, but for this.
+inline Sim3d LoopDrift() { return Sim3d(1.2, ExpSO3({0.03, -0.06, 0.02}), {0.3, -0.2, 0.3}); }
+
+/// The map after both passes.
+inline Map MapWithLoop(const TwoPasses& passes) {
+  Map map = BuildMap(passes.first);
+  AddPass(passes.second, LoopDrift(), &map);
+  return map;
+}
+
+}  // namespace portolan
