@@ -46,16 +46,11 @@ Eigen::Matrix<double, 2, 3> ProjectionJacobian(const SideView& view, const Eigen
   return jacobian;
 }
 
-/// The largest squared error of a point of one side in views of the other side's frame; infinite behind a camera.
-double WorstError(const std::vector<SideView>& views, const Eigen::Vector3d& point_in_side) {
-  double worst = 0;
-  for (const SideView& view : views) {
-    Eigen::Vector2d residual;
-    if (!Residual(view, view.camera_from_side * point_in_side, &residual)) return kInfinity;
-    const double squared = residual.squaredNorm();
-    if (!(squared <= worst)) worst = squared;  // NaN stays
-  }
-  return worst;
+/// The squared error of a point of a side in the first of its views; infinite behind the camera.
+double ErrorInFirst(const std::vector<SideView>& views, const Eigen::Vector3d& point_in_side) {
+  Eigen::Vector2d residual;
+  if (views.empty() || !Residual(views[0], views[0].camera_from_side * point_in_side, &residual)) return kInfinity;
+  return residual.squaredNorm();
 }
 
 /// d (ExpSim3(d) * p) / dd at d = 0.
@@ -133,7 +128,7 @@ class Sim3Solver {
     sums->cost += CauchyCost(squared, options_.loss_width);
   }
 
-  /// Inliers that fall behind a camera make it infinite: no step may put them there.
+  /// Inliers that fall behind the first camera of a side make it infinite: no step may put them there.
   double Cost(const Sim3d& b_from_a) const {
     const Sim3d a_from_b = b_from_a.Inverse();
     double cost = 0;
@@ -147,10 +142,13 @@ class Sim3Solver {
 
   double CostIn(const std::vector<SideView>& views, const Eigen::Vector3d& point_in_side) const {
     double cost = 0;
-    for (const SideView& view : views) {
+    for (size_t i = 0; i < views.size(); ++i) {
       Eigen::Vector2d residual;
-      if (!Residual(view, view.camera_from_side * point_in_side, &residual)) return kInfinity;
-      cost += CauchyCost(residual.squaredNorm(), options_.loss_width);
+      if (Residual(views[i], views[i].camera_from_side * point_in_side, &residual)) {
+        cost += CauchyCost(residual.squaredNorm(), options_.loss_width);
+      } else if (i == 0) {
+        return kInfinity;
+      }
     }
     return cost;
   }
@@ -163,9 +161,9 @@ class Sim3Solver {
 }  // namespace
 
 double Chi2Of(const Sim3Match& match, const Sim3d& b_from_a) {
-  const double in_b = WorstError(match.views_in_b, b_from_a * match.point_in_a);
-  const double in_a = WorstError(match.views_in_a, b_from_a.Inverse() * match.point_in_b);
-  return in_a <= in_b ? in_b : in_a;
+  const double in_b = ErrorInFirst(match.views_in_b, b_from_a * match.point_in_a);
+  const double in_a = ErrorInFirst(match.views_in_a, b_from_a.Inverse() * match.point_in_b);
+  return in_a <= in_b ? in_b : in_a;  // NaN, if one is, for NaN is within nothing
 }
 
 bool LinearizeInB(const SideView& view, const Eigen::Vector3d& point_in_a, const Sim3d& b_from_a,

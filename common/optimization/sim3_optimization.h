@@ -17,22 +17,23 @@ struct SideView {
   double sigma_px = 1;         ///< standard deviation: the scale of the feature's pyramid level
 };
 
-/// A landmark that was mapped twice, on side a and on side b, and where each side saw it. The scale shows in views away
-/// from the other side's camera alone: two cameras at one point see the same pixels whatever the scale is.
+/// A landmark that was mapped twice, on side a and on side b, and where each side saw it. The first view of each side
+/// decides whether it is an inlier. The others tell the scale, which shows only in views away from the other side's
+/// camera: two cameras at one point see the same pixels whatever the scale is.
 struct Sim3Match {
   Eigen::Vector3d point_in_a, point_in_b;  ///< lengths in units of a and of b
   std::vector<SideView> views_in_a, views_in_b;
 };
 
-/// The largest squared error of a match over all views, in units of sigma: each side's landmark, taken to the other side,
-/// against what was seen there. Infinite behind a camera.
+/// The larger squared error of a match in the first view of each side, in units of sigma: the other side's landmark
+/// against what was seen. Infinite behind a camera or without a view.
 double Chi2Of(const Sim3Match& match, const Sim3d& b_from_a);
 
 struct Sim3OptimizationOptions {
   bool fix_scale = false;  ///< keeps the scale of the start: for maps whose scale is known
   int rounds = 2;          ///< each starts from the last one's similarity, with outliers of the last left out
   int iterations = 15;     ///< Levenberg-Marquardt steps a round, at most
-  double chi2 = 9.21;      ///< squared normalised error of an inlier in each view: 99 % with 2 degrees of freedom
+  double chi2 = 9.21;      ///< squared normalised error of an inlier on each side: 99 % with 2 degrees of freedom
   double loss_width = 1.0;  ///< of Cauchy's loss, sigmas: wider than in bundle adjustment, as the landmarks of both maps
                             ///< carry errors of their own here
 };

@@ -88,14 +88,19 @@ TEST(LinearizeSim3Test, JacobiansAreTheNumericOnes) {
   }
 }
 
-TEST(Chi2OfTest, IsTheWorstOfAllViews) {
+TEST(Chi2OfTest, IsTheWorseOfTheFirstViews) {
   Scene scene = RandomScene(1, 30, 0, 0);
   for (Sim3Match& match : scene.matches) {
     EXPECT_NEAR(Chi2Of(match, scene.b_from_a), 0, 1e-12);
-    match.views_in_a[1].pixel_px.x() += 2 * match.views_in_a[1].sigma_px;
+    match.views_in_a[0].pixel_px.x() += 2 * match.views_in_a[0].sigma_px;
     match.views_in_b[0].pixel_px.y() += 3 * match.views_in_b[0].sigma_px;
+    match.views_in_b[1].pixel_px.y() += 9 * match.views_in_b[1].sigma_px;
     EXPECT_NEAR(Chi2Of(match, scene.b_from_a), 9, 1e-9);
+    match.views_in_a[0].pixel_px.x() += 2 * match.views_in_a[0].sigma_px;
+    EXPECT_NEAR(Chi2Of(match, scene.b_from_a), 16, 1e-9);
     match.point_in_a = -match.point_in_a;
+    EXPECT_EQ(Chi2Of(match, scene.b_from_a), std::numeric_limits<double>::infinity());
+    match.views_in_b.clear();
     EXPECT_EQ(Chi2Of(match, scene.b_from_a), std::numeric_limits<double>::infinity());
   }
 }

@@ -139,13 +139,13 @@ class Verification {
       return Error{fmt::format("{:.0f} % of what should be in view found ({}), expected {:.0f} %", 100 * e.share, counts,
                                100 * options_.min_share)};
     }
-    if (e.WeightedInliers() < options_.min_weighted_inliers) {
-      return Error{fmt::format("{:.0f} weighted inliers, expected {:.0f}: {} inliers, {:.0f} % of what should be in view ({}) in {:.0f} % "
-                               "of the image's cells",
-                               e.WeightedInliers(), options_.min_weighted_inliers, e.inliers, 100 * e.share, counts, 100 * e.cells)};
-    }
     if (e.spread < options_.min_spread)
       return Error{fmt::format("found in {:.0f} % of the image, expected {:.0f} %", 100 * e.spread, 100 * options_.min_spread)};
+    if (e.Weight() < options_.min_weight) {
+      return Error{fmt::format("weight {:.1f}, expected {:.0f}: {:.0f} % of what should be in view found ({}), in {:.0f} % of the cells where "
+                               "it should be, in {:.0f} % of the image; {} inliers",
+                               e.Weight(), options_.min_weight, 100 * e.share, counts, 100 * e.cells, 100 * e.spread, e.inliers)};
+    }
     return Ok{};
   }
 
@@ -173,14 +173,18 @@ class Verification {
 
 }  // namespace
 
+double PlaceEvidence::Weight() const {
+  return std::sqrt(static_cast<double>(in_query.found) * in_candidate.found) * share * cells * spread;
+}
+
 std::string ToString(const PlaceEvidence& e) {
   std::string asked;
   for (const double share : e.shares_asked) asked += fmt::format(" {:.0f}", 100 * share);
   return fmt::format(
-      "{} by words, RANSAC {}, {} inliers, found {} of {} and back {} of {}: {:.0f} %, in {:.0f} % of the cells: {:.0f} weighted inliers; "
-      "in {:.0f} % of the image, error {:.1f} px, {} of {} keyframes agree ({} %)",
+      "{} by words, RANSAC {}, {} inliers, found {} of {} and back {} of {}: {:.0f} %, in {:.0f} % of the cells, in {:.0f} % of the image: "
+      "weight {:.1f}; error {:.1f} px, {} of {} keyframes agree ({} %)",
       e.word_matches, e.ransac_inliers, e.inliers, e.in_query.found, e.in_query.expected, e.in_candidate.found, e.in_candidate.expected,
-      100 * e.share, 100 * e.cells, e.WeightedInliers(), 100 * e.spread, e.median_error_px, e.agreeing, e.asked,
+      100 * e.share, 100 * e.cells, 100 * e.spread, e.Weight(), e.median_error_px, e.agreeing, e.asked,
       asked.empty() ? "none" : asked.substr(1));
 }
 

@@ -214,23 +214,23 @@ TEST(VerifyPlaceTest, ALookAlikePartInOneCornerIsRefused) {
     return p.x() / p.z() < 0.1 || p.y() / p.z() < 0.05;
   };
   Sim3VerificationOptions options;
-  options.min_share = options.min_weighted_inliers = 0;
+  options.min_share = 0;
   options.min_spread = 0.3;
   const auto place = TwoMaps(MakeTwoPasses(SceneOptions(), DifferentWhere(is_outside))).Verify(options);
   EXPECT_THAT(ReasonOf(place), HasSubstr("% of the image, expected 30 %"));
 }
 
-TEST(VerifyPlaceTest, InliersCountLittleWhereMuchIsMissing) {
+TEST(VerifyPlaceTest, LandmarksCountLittleWhereMuchIsMissing) {
   // The left half of the place is the same: more than enough matches and share, but half of the cells contradict.
   const std::vector<Eigen::Vector3d> landmarks = MakeSyntheticScene(SceneOptions()).landmarks_in_world;
   const auto is_right = [&](int i) { return landmarks[static_cast<size_t>(i)].x() > 0; };
   Sim3VerificationOptions options;
-  options.min_weighted_inliers = 60;
+  options.min_weight = 60;
   const auto place = TwoMaps(MakeTwoPasses(SceneOptions(), DifferentWhere(is_right))).Verify(options);
-  EXPECT_THAT(ReasonOf(place), HasSubstr("weighted inliers, expected 60"));
+  EXPECT_THAT(ReasonOf(place), HasSubstr(", expected 60: "));
   const auto whole = TwoMaps(MakeTwoPasses(SceneOptions())).Verify(options);
   ASSERT_TRUE(whole.ok()) << ReasonOf(whole);
-  EXPECT_GT(whole->evidence.WeightedInliers(), 0.8 * whole->inliers);
+  EXPECT_GT(whole->evidence.Weight(), 0.5 * whole->group_inliers);
 }
 
 TEST(VerifyPlaceTest, ALookAlikeSeenByOneKeyFrameAloneIsRefused) {

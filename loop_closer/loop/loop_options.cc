@@ -22,7 +22,7 @@ Status ReadLoopOptions(ConfigReader* config, LoopOptions* options) {
   config->Read("loop.min_inliers", &verification.min_inliers, {4, 1000});
   config->Read("loop.min_group_inliers", &verification.min_group_inliers, {4, 10000});
   config->Read("loop.min_share", &verification.min_share, {0, 1});
-  config->Read("loop.min_weighted_inliers", &verification.min_weighted_inliers, {0, 10000});
+  config->Read("loop.min_weight", &verification.min_weight, {0, 10000});
   return options->Check();
 }
 

@@ -5,18 +5,16 @@
 namespace portolan {
 namespace {
 constexpr RobotId kRobot = 0;
-constexpr uint32_t kSession = 1;  // fixed: runs are to be equal to the bit
-constexpr ProcessId kLoopCloser(kRobot, kSession, 1);
 constexpr size_t kDeltaChunkElements = 10000;
 }  // namespace
 
 Pipeline::Pipeline(const TrackerOptions& tracker_options, const MapperOptions& mapper_options, const LoopOptions& loop_options,
-                   const CameraModel& camera,
-                   std::shared_ptr<const Vocabulary> vocabulary)
-    : mapper_options_(mapper_options),
+                   const CameraModel& camera, std::shared_ptr<const Vocabulary> vocabulary, uint32_t session)
+    : session_(session),
+      mapper_options_(mapper_options),
       vocabulary_(vocabulary),
-      tracker_(tracker_options, camera, vocabulary, kRobot, kSession),
-      loop_closer_(loop_options, vocabulary, kLoopCloser) {
+      tracker_(tracker_options, camera, vocabulary, kRobot, session),
+      loop_closer_(loop_options, vocabulary, ProcessId(kRobot, session, 1)) {
   MapperState idle;
   idle.idle = true;
   tracker_.OnMapperState(idle);
@@ -25,7 +23,7 @@ Pipeline::Pipeline(const TrackerOptions& tracker_options, const MapperOptions& m
 Tracker::Output Pipeline::Track(const Image& image) {
   Tracker::Output output = tracker_.Track(image);
   for (const MapId map : output.new_maps) {
-    mappers_[map] = std::make_unique<LocalMapper>(mapper_options_, map, next_epoch_++, kRobot, kSession,
+    mappers_[map] = std::make_unique<LocalMapper>(mapper_options_, map, next_epoch_++, kRobot, session_,
                                                   [this](MapDelta delta) {
                                                     for (MapDeltaChunk& chunk : SplitDelta(delta, kDeltaChunkElements)) {
                                                       loop_closer_.follower().AddChunk(std::move(chunk));

@@ -14,8 +14,9 @@ namespace portolan {
 /// frame the mapper takes in its keyframes completely before the next one, and loops found are closed. Deterministic.
 class Pipeline {
  public:
+  /// @param session of the ids; fixed, for runs are to be equal to the bit. Maps of two runs that meet need two.
   Pipeline(const TrackerOptions& tracker_options, const MapperOptions& mapper_options, const LoopOptions& loop_options, const CameraModel& camera,
-           std::shared_ptr<const Vocabulary> vocabulary);
+           std::shared_ptr<const Vocabulary> vocabulary, uint32_t session = 1);
 
   Tracker::Output Track(const Image& image);
 
@@ -29,6 +30,7 @@ class Pipeline {
   void Map(const KeyFrameMessage& message);
   void CloseLoops(LocalMapper* mapper, MapperState state);
 
+  uint32_t session_;
   MapperOptions mapper_options_;
   std::shared_ptr<const Vocabulary> vocabulary_;
   Tracker tracker_;

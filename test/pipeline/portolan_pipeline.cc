@@ -20,7 +20,7 @@ namespace portolan {
 namespace {
 
 int Run(const SourceOptions& source_options, const std::string& out, const TrackerOptions& tracker_options, const MapperOptions& mapper_options,
-        const LoopOptions& loop_options, int every, const std::string& maps_file) {
+        const LoopOptions& loop_options, int every, uint32_t session, const std::string& maps_file) {
   auto vocabulary = Vocabulary::Open(Vocabulary::DefaultPath());
   if (!vocabulary) {
     spdlog::error("{}", vocabulary.error().message);
@@ -31,7 +31,7 @@ int Run(const SourceOptions& source_options, const std::string& out, const Track
     spdlog::error("{}", source.error().message);
     return 2;
   }
-  Pipeline pipeline(tracker_options, mapper_options, loop_options, (*source)->camera(), *vocabulary);
+  Pipeline pipeline(tracker_options, mapper_options, loop_options, (*source)->camera(), *vocabulary, session);
   uint64_t frames = 0, tracked = 0;
   for (;;) {
     auto image = (*source)->Next();
@@ -97,10 +97,12 @@ int main(int argc, char** argv) {
   portolan::LoopOptions loop;
   std::string out = ".", level = "info", maps;
   int every = 1;
+  uint32_t session = 1;
   std::vector<std::string> sets;
   app.add_option("--data", source.data, "data set folder")->required();
   app.add_option("--camera", source.camera_file);
   app.add_option("--out", out);
+  app.add_option("--session", session, "of the ids, for maps of several runs")->check(CLI::Range(1, 0xffffff));
   app.add_option("--save-maps", maps, "write the finished maps into this file");
   app.add_option("--log", level);
   app.add_option("--every", every, "take every n-th frame");
@@ -127,5 +129,5 @@ int main(int argc, char** argv) {
     spdlog::error("{}", read.error().message);
     return 2;
   }
-  return portolan::Run(source, out, tracker, mapper, loop, every, maps);
+  return portolan::Run(source, out, tracker, mapper, loop, every, session, maps);
 }

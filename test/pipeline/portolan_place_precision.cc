@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <iterator>
 #include <map>
 #include <optional>
 #include <set>
@@ -29,7 +30,8 @@ constexpr double kNearDeg = 40, kFarDeg = 75;
 constexpr double kRightDeg = 8, kRightDepths = 0.25;
 
 struct Arguments {
-  std::string maps, truth;
+  std::string truth;
+  std::vector<std::string> maps;
   std::vector<std::string> revisits;  ///< "first-last" frames of a second visit
   int min_age = 20;                   ///< keyframes
   bool lenient = false;
@@ -63,14 +65,15 @@ class Precision {
     if (arguments.lenient) {
       options_.min_inliers = options_.ransac.min_inliers = 12;
       options_.min_group_inliers = options_.min_expected = options_.min_agreeing = 0;
-      options_.min_share = options_.min_weighted_inliers = options_.min_spread = 0;
+      options_.min_share = options_.min_spread = options_.min_weight = 0;
     }
   }
 
   /// From the youngest keyframe to the oldest: each is asked, then taken out, so that the map is as it was when it came.
   void Run() {
-    for (auto& [id, map] : maps_) {
-      for (const auto& [keyframe, state] : map.keyframes()) index_.Add(keyframe, WordsOf(state.data));
+    for (auto map = maps_.begin(); map != maps_.end();) {
+      for (const auto& [keyframe, state] : map->second.keyframes()) index_.Add(keyframe, WordsOf(state.data));
+      map = map->second.keyframes().empty() ? maps_.erase(map) : std::next(map);
     }
     while (!maps_.empty()) {
       const auto youngest = std::max_element(maps_.begin(), maps_.end(), [](const auto& a, const auto& b) {
@@ -203,9 +206,13 @@ Status Run(const Arguments& arguments) {
   const std::string times = (std::filesystem::path(arguments.truth).parent_path() / "times.txt").string();
   const auto truth = ReadTrajectory(arguments.truth, std::filesystem::exists(times) ? times : "");
   if (!truth) return truth.error();
-  auto maps = LoadMaps(arguments.maps, **vocabulary);
-  if (!maps) return maps.error();
-  Precision precision(std::move(*maps), *truth, arguments);
+  std::map<MapId, Map> maps;
+  for (const std::string& file : arguments.maps) {
+    auto loaded = LoadMaps(file, **vocabulary);
+    if (!loaded) return loaded.error();
+    maps.merge(*loaded);
+  }
+  Precision precision(std::move(maps), *truth, arguments);
   precision.Run();
   precision.Report();
   return Ok{};
@@ -217,8 +224,8 @@ Status Run(const Arguments& arguments) {
 int main(int argc, char** argv) {
   CLI::App app("Precision and recall of place verification on finished maps, against the ground truth", "portolan_place_precision");
   portolan::Arguments arguments;
-  app.add_option("maps", arguments.maps, "of portolan_pipeline_run --save-maps")->required();
   app.add_option("truth", arguments.truth, "TUM or KITTI ground truth")->required();
+  app.add_option("maps", arguments.maps, "of portolan_pipeline_run --save-maps; of several runs if their --session differs")->required();
   app.add_option("--revisit", arguments.revisits, "frames of a second visit, FIRST-LAST (repeatable)");
   app.add_option("--min-age", arguments.min_age, "keyframes between the two at least, in one map")->capture_default_str();
   app.add_flag("--lenient", arguments.lenient, "verify what has a similarity at all: for choosing bounds");
