@@ -8,7 +8,7 @@
 namespace portolan {
 namespace {
 
-constexpr double kMaxErrorShare = 0.02;  // of the way: without the loop it is more
+constexpr double kMaxErrorShare = 0.02;  // of the way
 
 class LoopTest : public DeploymentTest {
  protected:
