@@ -41,6 +41,7 @@ MapperProcess::~MapperProcess() { readers_.clear(); }
 
 void MapperProcess::ConnectReaders() {
   readers_.push_back(bus_->CreateReader<KeyFrameMessage>([this](KeyFrameMessage message) {
+    if (message.kind == KeyFrameKind::kQuery) return;  // the atlas_server's
     if (message.kind != KeyFrameKind::kCopy) ++keyframes_waiting_;
     const auto received = Clock::now();
     loop_->Post([this, message = std::move(message), received] {
@@ -112,7 +113,7 @@ void MapperProcess::OnReply(const Reply& reply) {
 void MapperProcess::OnCommand(const Command& command) {
   if (command.kind == CommandKind::kGrantOwnership && command.owner == setup_.process) {
     Own(command.map, command.epoch);
-  } else if (command.kind == CommandKind::kGrantOwnership || command.kind == CommandKind::kRevokeOwnership) {
+  } else if (command.kind == CommandKind::kGrantOwnership) {
     // Someone else owns the map from a later epoch on.
     const auto mine = mappers_.find(command.map);
     if (mine == mappers_.end() || mine->second->map().epoch() >= command.epoch) return;

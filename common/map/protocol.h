@@ -24,6 +24,7 @@ enum class KeyFrameKind : uint8_t {
   kInitialFirst = 1,   ///< first of a pair for map initialisation (paper Sec. 4.1)
   kInitialSecond = 2,  ///< second of the pair: `reference` is the first, `initial_matches` its matches
   kCopy = 3,           ///< data alone, sent again by a map's owner to answer a SnapshotRequest
+  kQuery = 4,          ///< data alone, of a tracker that knows no map here: its "locate" request names it (paper Sec. 6: any unactivated map)
 };
 
 /// A keyframe from the tracker: its data, published once, and how the tracker saw it. Sent again to a new owner until a delta contains it.
@@ -78,8 +79,8 @@ struct MapperState {
   RadialResidual residual;          ///< what the calibration of the map's camera left, as far as the mapper knows
 };
 
-/// How far loop closing has come: sent whenever it changes.
-struct LoopState {
+/// How far a process that looks at each keyframe has come (loop_closer: loops, atlas_server: overlaps): sent whenever it changes.
+struct FollowerState {
   ProcessId process;
   MapId map;
   Epoch epoch = 0;
@@ -105,6 +106,8 @@ struct MapCorrection {
   Epoch epoch = 0;
   Revision made_from_revision = 0;
   std::string kind;  ///< "loop", "fba", "global_ba", "fusion"
+  MapId other;           ///< kind "fusion": the map to be taken in whole, keyframes that came to it since included; else none
+  Sim3d map_from_other;  ///< kind "fusion": where; the keyframes and points named below are placed more exactly
   std::vector<KeyFrameCorrection> keyframes;
   std::vector<PointCorrection> points;
   std::vector<std::pair<MapPointId, MapPointId>> merges;         ///< (from, into), in order
@@ -113,11 +116,19 @@ struct MapCorrection {
 };
 
 enum class CommandKind : uint8_t {
-  kGrantOwnership = 0,   ///< `owner` writes `map` in `epoch` from now on
-  kRevokeOwnership = 1,  ///< the owner in an older epoch stops writing
-  kActivateMap = 2,      ///< the robot's tracker goes on in `map`; `map_from_other` carries pose and velocity over from `other`
-  kFuseMaps = 3,         ///< the owner of `map` takes in `other` by `map_from_other`
-  kShutDown = 4,         ///< processes of the robot drain, save and end
+  kGrantOwnership = 0,  ///< `owner` writes `map` in `epoch` from now on; the atlas_server itself: the map is dormant
+  kActivateMap = 1,     ///< trackers in `other` (none: the tracker of `robot`, which has no map) are to go on in `map`; each tries, and answers
+                        ///< with a request, enter_map or refuse_map
+  kFuseMaps = 2,        ///< has happened: `map` has taken in all of `other`, which is no more
+  kLinkMaps = 3,        ///< has been found: where two maps lie to each other
+  kNewMap = 4,          ///< the tracker of `robot` begins a new map
+  kAdjustMap = 5,       ///< the loop_closer that follows `map` adjusts all of it (global BA)
+  kPause = 6,           ///< the tracker of `robot` takes no more frames
+  kResume = 7,
+  kLocalizeOnly = 8,    ///< the tracker of `robot` changes no map from now on: neither keyframes nor new maps
+  kMapAgain = 9,        ///< ends kLocalizeOnly
+  kForgetMap = 10,      ///< `map` was deleted
+  kShutDown = 11,       ///< processes of `robot` drain, save and end
 };
 
 /// From the atlas_server alone.
@@ -129,15 +140,18 @@ struct Command {
   MapId other;
   Epoch epoch = 0;
   ProcessId owner;
-  Sim3d map_from_other;
+  RobotId robot = 0;     ///< whom it concerns, where the kind says so
+  Sim3d map_from_other;  ///< kActivateMap, kFuseMaps, kLinkMaps
 };
 
-/// To the atlas_server, from the tracker, tools and operators.
+/// To the atlas_server, from the tracker, tools and operators. docs/topics.md lists the kinds.
 struct Request {
   RequestId id;
   ProcessId sender;
-  std::string kind;  ///< "new_map", "own_map", "list_maps", "save", ...
+  std::string kind;  ///< "new_map", "enter_map", "link_maps", "locate", "register_mapper", "list_maps", "save", ...
   MapId map;
+  MapId other;           ///< new_map, enter_map: the map the tracker was in; link_maps: the other of the two
+  Sim3d map_from_other;  ///< enter_map, link_maps
   std::string argument;
 };
 

@@ -7,18 +7,28 @@
 namespace portolan {
 namespace {
 
+bool NamesMap(CommandKind kind) {
+  switch (kind) {
+    case CommandKind::kGrantOwnership:
+    case CommandKind::kActivateMap:
+    case CommandKind::kFuseMaps:
+    case CommandKind::kLinkMaps:
+    case CommandKind::kAdjustMap:
+    case CommandKind::kForgetMap: return true;
+    default: return false;  // of a robot
+  }
+}
+
 void CheckKind(const wire::Command& wire, MessageCheck* check) {
   check->AtMost("kind", wire.kind(), static_cast<uint8_t>(CommandKind::kShutDown));
   const auto kind = static_cast<CommandKind>(wire.kind());
-  if (kind != CommandKind::kShutDown) check->Id("map", wire.map_id());
+  if (NamesMap(kind)) check->Id("map", wire.map_id());
   if (kind == CommandKind::kGrantOwnership) {
     check->Id("owner", wire.owner());
     check->Require(wire.epoch() > 0, "epoch of a grant is 0");
   }
-  if (kind == CommandKind::kFuseMaps) {
-    check->Id("other", wire.other());
-    check->Require(wire.other() != wire.map_id(), "fuses a map with itself");
-  }
+  if (kind == CommandKind::kFuseMaps || kind == CommandKind::kLinkMaps) check->Id("other", wire.other());
+  if (NamesMap(kind)) check->Require(wire.other() != wire.map_id(), "names a map together with itself");
 }
 
 }  // namespace
@@ -32,6 +42,7 @@ wire::Command ToWire(const Command& command) {
   wire.other(command.other.value);
   wire.epoch(command.epoch);
   wire.owner(command.owner.value);
+  wire.robot(command.robot);
   wire.map_from_other(ToWire(command.map_from_other));
   return wire;
 }
@@ -51,6 +62,7 @@ Result<Command> FromWire(const wire::Command& wire) {
   command.other = MapId(wire.other());
   command.epoch = wire.epoch();
   command.owner = ProcessId(wire.owner());
+  command.robot = wire.robot();
   command.map_from_other = FromWire(wire.map_from_other());
   return command;
 }
@@ -61,6 +73,8 @@ wire::Request ToWire(const Request& request) {
   wire.sender(request.sender.value);
   wire.kind(request.kind);
   wire.map_id(request.map.value);
+  wire.other(request.other.value);
+  wire.map_from_other(ToWire(request.map_from_other));
   wire.argument(request.argument);
   return wire;
 }
@@ -70,6 +84,7 @@ Result<Request> FromWire(const wire::Request& wire) {
   check.Id("id", wire.id());
   check.Id("sender", wire.sender());
   check.Name("kind", wire.kind());
+  CheckSim3("map_from_other", wire.map_from_other(), &check);
   check.Text("argument", wire.argument(), kMaxLineBytes);
   if (!check.ok()) return check.error();
 
@@ -78,6 +93,8 @@ Result<Request> FromWire(const wire::Request& wire) {
   request.sender = ProcessId(wire.sender());
   request.kind = wire.kind();
   request.map = MapId(wire.map_id());
+  request.other = MapId(wire.other());
+  request.map_from_other = FromWire(wire.map_from_other());
   request.argument = wire.argument();
   return request;
 }

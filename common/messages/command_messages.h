@@ -7,7 +7,7 @@
 namespace portolan {
 
 wire::Command ToWire(const Command& command);
-/// Each kind's own needs are checked too: a grant without an owner or an epoch, a fusion of a map with itself are
+/// Each kind's own needs are checked too: a grant without an owner or an epoch, maps named together with themselves are
 /// refused.
 Result<Command> FromWire(const wire::Command& wire);
 

@@ -44,6 +44,7 @@ TEST(CommandMessagesTest, CommandsOfAllKindsComeBack) {
     EXPECT_EQ(received->other, sent.other);
     EXPECT_EQ(received->epoch, sent.epoch);
     EXPECT_EQ(received->owner, sent.owner);
+    EXPECT_EQ(received->robot, sent.robot);
     EXPECT_EQ(received->map_from_other.scale, sent.map_from_other.scale);
     EXPECT_EQ(received->map_from_other.rotation.coeffs(), sent.map_from_other.rotation.coeffs());
     EXPECT_EQ(received->map_from_other.translation, sent.map_from_other.translation);
@@ -56,7 +57,7 @@ TEST(CommandMessagesTest, RefusesMalformedCommands) {
   command.kind = CommandKind::kGrantOwnership;
   ExpectRefused<wire::Command>(ToWire(command), {
                                                     {"sender is none", [](wire::Command* w) { w->sender(0); }},
-                                                    {"kind is 5", [](wire::Command* w) { w->kind(5); }},
+                                                    {"kind is 12", [](wire::Command* w) { w->kind(12); }},
                                                     {"map is none", [](wire::Command* w) { w->map_id(0); }},
                                                     {"owner is none", [](wire::Command* w) { w->owner(0); }},
                                                     {"epoch of a grant is 0", [](wire::Command* w) { w->epoch(0); }},
@@ -73,11 +74,14 @@ TEST(CommandMessagesTest, RefusesMalformedCommands) {
                                                 });
 }
 
-TEST(CommandMessagesTest, ShutDownNeedsNoMap) {
-  Command command;
-  command.sender = ProcessId(1, 2, 3);
-  command.kind = CommandKind::kShutDown;
-  EXPECT_TRUE(FromWire(ToWire(command)).ok());
+TEST(CommandMessagesTest, CommandsToARobotNeedNoMap) {
+  for (const CommandKind kind : {CommandKind::kNewMap, CommandKind::kPause, CommandKind::kResume, CommandKind::kLocalizeOnly,
+                                 CommandKind::kMapAgain, CommandKind::kShutDown}) {
+    Command command;
+    command.sender = ProcessId(1, 2, 3);
+    command.kind = kind;
+    EXPECT_TRUE(FromWire(ToWire(command)).ok()) << static_cast<int>(kind);
+  }
 }
 
 TEST(CommandMessagesTest, RequestsAndRepliesComeBack) {
@@ -89,6 +93,9 @@ TEST(CommandMessagesTest, RequestsAndRepliesComeBack) {
   EXPECT_EQ(asked->sender, request.sender);
   EXPECT_EQ(asked->kind, request.kind);
   EXPECT_EQ(asked->map, request.map);
+  EXPECT_EQ(asked->other, request.other);
+  EXPECT_EQ(asked->map_from_other.translation, request.map_from_other.translation);
+  EXPECT_EQ(asked->map_from_other.scale, request.map_from_other.scale);
   EXPECT_EQ(asked->argument, request.argument);
 
   Reply reply = RandomReply(&random);
@@ -112,6 +119,7 @@ TEST(CommandMessagesTest, RefusesMalformedRequestsAndReplies) {
           {"id is none", [](wire::Request* w) { w->id(0); }},
           {"sender is none", [](wire::Request* w) { w->sender(0); }},
           {"kind is empty", [](wire::Request* w) { w->kind(""); }},
+          {"scale", [](wire::Request* w) { w->map_from_other().scale(0); }},
           {"argument holds", [](wire::Request* w) { w->argument("\xff"); }},
           {"length of argument", [](wire::Request* w) { w->argument(std::string(kMaxLineBytes + 1, 'x')); }},
       });

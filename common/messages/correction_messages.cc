@@ -59,6 +59,10 @@ void CheckCorrection(const wire::MapCorrection& wire, MessageCheck* check) {
   check->Id("process", wire.process());
   check->Id("map", wire.map_id());
   check->Name("kind", wire.kind());
+  const bool is_fusion = wire.kind() == "fusion";
+  check->Require(is_fusion == (wire.other() != 0), "other is " + std::string(is_fusion ? "none" : "given") + " in kind " + wire.kind());
+  check->Require(wire.other() != wire.map_id(), "fuses a map with itself");
+  CheckSim3("map_from_other", wire.map_from_other(), check);
   check->AtMost("number of keyframes", wire.keyframes().size(), kMaxListedKeyFrames);
   check->SameLength("keyframe_poses", wire.keyframe_poses().size(), wire.keyframes().size() * kSim3Doubles);
   check->AllIds("keyframes", wire.keyframes());
@@ -82,6 +86,8 @@ wire::MapCorrection ToWire(const MapCorrection& correction) {
   wire.epoch(correction.epoch);
   wire.made_from_revision(correction.made_from_revision);
   wire.kind(correction.kind);
+  wire.other(correction.other.value);
+  wire.map_from_other(ToWire(correction.map_from_other));
   for (const MapCorrection::KeyFrameCorrection& keyframe : correction.keyframes) {
     const Sim3d& pose = keyframe.camera_from_map;
     wire.keyframes().push_back(keyframe.id.value);
@@ -114,6 +120,8 @@ Result<MapCorrection> FromWire(const wire::MapCorrection& wire) {
   correction.epoch = wire.epoch();
   correction.made_from_revision = wire.made_from_revision();
   correction.kind = wire.kind();
+  correction.other = MapId(wire.other());
+  correction.map_from_other = FromWire(wire.map_from_other());
   for (size_t i = 0; i < wire.keyframes().size(); ++i) {
     correction.keyframes.push_back(
         {KeyFrameId(wire.keyframes()[i]), Sim3FromArray(&wire.keyframe_poses()[i * kSim3Doubles])});

@@ -24,6 +24,9 @@ TEST(CorrectionMessagesTest, ACorrectionComesBackToTheBit) {
   EXPECT_EQ(received->epoch, sent.epoch);
   EXPECT_EQ(received->made_from_revision, sent.made_from_revision);
   EXPECT_EQ(received->kind, sent.kind);
+  EXPECT_EQ(received->other, sent.other);
+  EXPECT_EQ(received->map_from_other.translation, sent.map_from_other.translation);
+  EXPECT_EQ(received->map_from_other.scale, sent.map_from_other.scale);
   ASSERT_EQ(received->keyframes.size(), sent.keyframes.size());
   for (size_t i = 0; i < sent.keyframes.size(); ++i) {
     EXPECT_EQ(received->keyframes[i].id, sent.keyframes[i].id);
@@ -50,6 +53,10 @@ TEST(CorrectionMessagesTest, RefusesWhatIsMalformedAndSaysWhy) {
   const std::vector<Malformed> cases = {
       {"process is none", [](wire::MapCorrection* w) { w->process(0); }},
       {"map is none", [](wire::MapCorrection* w) { w->map_id(0); }},
+      {"other is none in kind fusion", [](wire::MapCorrection* w) { w->other(0); }},
+      {"other is given in kind loop", [](wire::MapCorrection* w) { w->kind("loop"); }},
+      {"fuses a map with itself", [](wire::MapCorrection* w) { w->other(w->map_id()); }},
+      {"scale", [](wire::MapCorrection* w) { w->map_from_other().scale(-1); }},
       {"kind is empty", [](wire::MapCorrection* w) { w->kind(""); }},
       {"kind holds control characters", [](wire::MapCorrection* w) { w->kind("lo\x1bop"); }},
       {"length of kind", [](wire::MapCorrection* w) { w->kind(std::string(1000, 'x')); }},

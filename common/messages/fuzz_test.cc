@@ -93,9 +93,9 @@ TEST(FuzzTest, TrackerStates) {
   Random random(8);
   Fuzz(ToWire(RandomTrackerState(&random)));
 }
-TEST(FuzzTest, LoopStates) {
+TEST(FuzzTest, FollowerStates) {
   Random random(26);
-  FuzzWithDamage(ToWire(RandomLoopState(&random)), 2);  // noise could pass: ids and numbers are all it has
+  FuzzWithDamage(ToWire(RandomFollowerState(&random)), 2);  // noise could pass: ids and numbers are all it has
 }
 
 TEST(FuzzTest, MapperStates) {

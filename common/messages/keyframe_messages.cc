@@ -106,7 +106,7 @@ void CheckMatches(const wire::KeyFrame& wire, MessageCheck* check) {
 }
 
 void CheckKind(const wire::KeyFrame& wire, MessageCheck* check) {
-  check->AtMost("kind", wire.kind(), static_cast<uint8_t>(KeyFrameKind::kCopy));
+  check->AtMost("kind", wire.kind(), static_cast<uint8_t>(KeyFrameKind::kQuery));
   const auto kind = static_cast<KeyFrameKind>(wire.kind());
   if (kind == KeyFrameKind::kTracked) check->Id("map of a tracked keyframe", wire.map_id());
   if (kind == KeyFrameKind::kInitialSecond) check->Id("reference of an initial pair's second", wire.reference());

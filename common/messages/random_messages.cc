@@ -120,7 +120,9 @@ MapCorrection RandomCorrection(Random* random) {
   correction.map = RandomId<MapId>(random);
   correction.epoch = random->Below(10);
   correction.made_from_revision = random->Below(1000);
-  correction.kind = "loop";
+  correction.kind = "fusion";
+  correction.other = MapId(4, 5, 6);
+  correction.map_from_other = RandomSim3(random);
   for (int i = 0; i < 10; ++i) correction.keyframes.push_back({RandomId<KeyFrameId>(random), RandomSim3(random)});
   for (int i = 0; i < 100; ++i)
     correction.points.push_back({RandomId<MapPointId>(random), RandomVector(random).cast<float>()});
@@ -134,18 +136,19 @@ Command RandomCommand(Random* random) {
   Command command;
   command.number = random->Below(1000);
   command.sender = RandomId<ProcessId>(random);
-  command.kind = static_cast<CommandKind>(random->Below(5));
+  command.kind = static_cast<CommandKind>(random->Below(12));
   command.map = MapId(1, 2, 3);
   command.other = RandomId<MapId>(random);
   command.epoch = 1 + random->Below(10);
   command.owner = RandomId<ProcessId>(random);
+  command.robot = static_cast<RobotId>(random->Below(100));
   command.map_from_other = RandomSim3(random);
   return command;
 }
 
 Request RandomRequest(Random* random) {
   return Request{RandomId<RequestId>(random), RandomId<ProcessId>(random), "save", RandomId<MapId>(random),
-                 RandomText(random)};
+                 RandomId<MapId>(random),     RandomSim3(random),          RandomText(random)};
 }
 
 Reply RandomReply(Random* random) {
@@ -188,8 +191,8 @@ MapperState RandomMapperState(Random* random) {
   return state;
 }
 
-LoopState RandomLoopState(Random* random) {
-  LoopState state;
+FollowerState RandomFollowerState(Random* random) {
+  FollowerState state;
   state.process = RandomId<ProcessId>(random);
   state.map = RandomId<MapId>(random);
   state.epoch = random->Below(10);

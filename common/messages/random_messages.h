@@ -23,7 +23,7 @@ Request RandomRequest(Random* random);
 Reply RandomReply(Random* random);
 TrackerState RandomTrackerState(Random* random);
 MapperState RandomMapperState(Random* random);
-LoopState RandomLoopState(Random* random);
+FollowerState RandomFollowerState(Random* random);
 ProcessStatus RandomProcessStatus(Random* random);
 Image RandomImage(int width, int height, Random* random);
 

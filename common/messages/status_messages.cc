@@ -100,8 +100,8 @@ Result<MapperState> FromWire(const wire::MapperState& wire) {
   return state;
 }
 
-wire::LoopState ToWire(const LoopState& state) {
-  wire::LoopState wire;
+wire::FollowerState ToWire(const FollowerState& state) {
+  wire::FollowerState wire;
   wire.process(state.process.value);
   wire.map_id(state.map.value);
   wire.epoch(state.epoch);
@@ -111,12 +111,12 @@ wire::LoopState ToWire(const LoopState& state) {
   return wire;
 }
 
-Result<LoopState> FromWire(const wire::LoopState& wire) {
-  MessageCheck check("LoopState");
+Result<FollowerState> FromWire(const wire::FollowerState& wire) {
+  MessageCheck check("FollowerState");
   check.Id("process", wire.process());
   if (!check.ok()) return check.error();
 
-  LoopState state;
+  FollowerState state;
   state.process = ProcessId(wire.process());
   state.map = MapId(wire.map_id());
   state.epoch = wire.epoch();

@@ -12,8 +12,8 @@ Result<TrackerState> FromWire(const wire::TrackerState& wire);
 wire::MapperState ToWire(const MapperState& state);
 Result<MapperState> FromWire(const wire::MapperState& wire);
 
-wire::LoopState ToWire(const LoopState& state);
-Result<LoopState> FromWire(const wire::LoopState& wire);
+wire::FollowerState ToWire(const FollowerState& state);
+Result<FollowerState> FromWire(const wire::FollowerState& wire);
 
 /// Figures that are not finite (a mean of nothing) are left out: they say nothing, and receivers refuse them.
 wire::ProcessStatus ToWire(const ProcessStatus& status);

@@ -78,10 +78,10 @@ TEST(StatusMessagesTest, MapperStatesComeBack) {
   EXPECT_EQ(received->residual, sent.residual);
 }
 
-TEST(StatusMessagesTest, LoopStatesComeBack) {
+TEST(StatusMessagesTest, FollowerStatesComeBack) {
   Random random(7);
-  const LoopState sent = RandomLoopState(&random);
-  const Result<LoopState> received = FromWire(ToWire(sent));
+  const FollowerState sent = RandomFollowerState(&random);
+  const Result<FollowerState> received = FromWire(ToWire(sent));
   ASSERT_TRUE(received.ok());
   EXPECT_EQ(received->process, sent.process);
   EXPECT_EQ(received->map, sent.map);
@@ -130,7 +130,7 @@ TEST(StatusMessagesTest, RefusesWhatIsMalformedAndSaysWhy) {
           {"quality", [](wire::TrackerState* w) { w->quality(NAN); }},
           {"frame_ms", [](wire::TrackerState* w) { w->frame_ms(NAN); }},
       });
-  ExpectRefused<wire::LoopState>(ToWire(RandomLoopState(&random)), {{"process is none", [](wire::LoopState* w) { w->process(0); }}});
+  ExpectRefused<wire::FollowerState>(ToWire(RandomFollowerState(&random)), {{"process is none", [](wire::FollowerState* w) { w->process(0); }}});
   ExpectRefused<wire::MapperState>(ToWire(RandomMapperState(&random)),
                                    {
                                        {"process is none", [](wire::MapperState* w) { w->process(0); }},

@@ -61,6 +61,7 @@ Status ReadProcessOptions(ConfigReader* config, ProcessOptions* options) {
   config->Read("dds.small_datagrams", &options->bus.small_datagrams);
   config->Read("dds.image_topic", &options->bus.image_topic);
   options->bus.partition = "robot_" + std::to_string(options->robot);
+  config->Read("dds.partition", &options->bus.partition);
   for (const auto& [role, nice] : kDefaultNice) {
     PriorityOptions priority;
     priority.nice = nice;

@@ -78,7 +78,7 @@ class Bus {
   virtual ~Bus() = default;
 
   /// T: KeyFrameMessage, MapDeltaChunk, SnapshotRequest, MapCorrection, Command, Request, Reply, TrackerState,
-  /// MapperState, LoopState, ProcessStatus, or Image (topic image; its readers get raw and compressed images, numbered as they
+  /// MapperState, FollowerState, ProcessStatus, or Image (topic image; its readers get raw and compressed images, numbered as they
   /// come; CompressedImage is for writing alone). From one thread. That DDS makes no endpoint (out of memory or
   /// handles) is a check failure. Handlers of one reader are called one at a time.
   template <class T>

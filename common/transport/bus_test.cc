@@ -58,8 +58,8 @@ TEST_P(BusPairTest, CarriesReplies) {
 TEST_P(BusPairTest, CarriesTrackerStates) {
   ExpectDelivered(RandomTrackerState(&random_));
 }
-TEST_P(BusPairTest, CarriesLoopStates) {
-  ExpectDelivered(RandomLoopState(&random_));
+TEST_P(BusPairTest, CarriesFollowerStates) {
+  ExpectDelivered(RandomFollowerState(&random_));
 }
 TEST_P(BusPairTest, CarriesMapperStates) {
   ExpectDelivered(RandomMapperState(&random_));

@@ -146,10 +146,10 @@ struct Topic<MapperState> {
 /// Written by the loop_closer when it changes; read by the tracker of a lockstep run. All of them count: each answers
 /// for a keyframe.
 template <>
-struct Topic<LoopState> {
-  using Wire = wire::LoopState;
-  static constexpr const char* kName = "loop_state";
-  static constexpr const char* kType = "portolan::wire_v1::LoopState";
+struct Topic<FollowerState> {
+  using Wire = wire::FollowerState;
+  static constexpr const char* kName = "follower_state";
+  static constexpr const char* kType = "portolan::wire_v1::FollowerState";
   static constexpr bool kKeyed = false;
   static constexpr TopicQos Qos() { return Reliable(1024, kPatientBlockingMs); }
 };

@@ -69,7 +69,7 @@ void FrontendProcess::ConnectReaders() {
   readers_.push_back(bus_->CreateReader<MapperState>([this](MapperState state) {
     loop_->Post([this, state = std::move(state)] { OnMapper(state); });
   }));
-  readers_.push_back(bus_->CreateReader<LoopState>([this](LoopState state) {
+  readers_.push_back(bus_->CreateReader<FollowerState>([this](FollowerState state) {
     if (state.process.robot() != setup_.options.robot) return;
     loop_->Post([this, state] {
       loop_state_ = state;

@@ -68,7 +68,7 @@ class FrontendProcess {
   std::set<std::string> roles_seen_;
   DeltaAssembler assembler_;
   MapperState mapper_;
-  LoopState loop_state_;
+  FollowerState loop_state_;
   Clock::time_point loop_heard_{};
   bool frame_in_work_ = false;
   IdMinter<RequestId> request_ids_;

@@ -26,7 +26,7 @@ LoopProcess::LoopProcess(const ProcessSetup& setup, const LoopOptions& options, 
       status_(bus, setup, priority),
       snapshot_writer_(bus->CreateWriter<SnapshotRequest>()),
       correction_writer_(bus->CreateWriter<MapCorrection>()),
-      state_writer_(bus->CreateWriter<LoopState>()),
+      state_writer_(bus->CreateWriter<FollowerState>()),
       closer_(options, std::move(vocabulary), setup.process),
       background_(loop, kBackgroundNiceSteps) {
   state_.process = setup.process;
@@ -60,6 +60,7 @@ int LoopProcess::Run() {
 }
 
 void LoopProcess::OnKeyFrame(const KeyFrameMessage& message) {
+  if (message.kind == KeyFrameKind::kQuery) return;  // the atlas_server's
   const Stopwatch stopwatch;
   if (!closer_.follower().AddKeyFrame(message) && foreign_++ == 0)
     spdlog::error("keyframes of no map, or made with another vocabulary, are passed over");
@@ -112,7 +113,7 @@ void LoopProcess::StartJob(LoopCloser::Job job) {
 }
 
 void LoopProcess::PublishState() {
-  LoopState state = state_;
+  FollowerState state = state_;
   state.map = closer_.follower().active_map();
   if (state.map.IsValid()) {
     const Map& map = closer_.follower().map(state.map);

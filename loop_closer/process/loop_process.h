@@ -46,11 +46,11 @@ class LoopProcess {
   StatusPublisher status_;
   std::unique_ptr<Writer<SnapshotRequest>> snapshot_writer_;
   std::unique_ptr<Writer<MapCorrection>> correction_writer_;
-  std::unique_ptr<Writer<LoopState>> state_writer_;
+  std::unique_ptr<Writer<FollowerState>> state_writer_;
   std::vector<std::unique_ptr<Reader>> readers_;
 
   LoopCloser closer_;
-  LoopState state_;                 // as last published
+  FollowerState state_;                 // as last published
   Clock::time_point proposed_at_{};
   Revision logged_revision_ = 0;
   MapId logged_map_;
