@@ -25,7 +25,8 @@ Sim3d MapFromOther(const Map& map, const Map& other, const LoopClosure& overlap)
 /// of `map` held: duplicates around the overlap become one, a welding BA moves the keyframes of `other` there, a pose
 /// graph lets the rest of `other` follow.
 /// @param overlap current: a keyframe of `other`; matched: one of `map`; current_from_matched: of their cameras, each in
-/// its own map's units. Its `seen` and `merges` may name landmarks of both.
+/// its own map's units. Its `seen` and `merges` may name landmarks of both. Descriptors are needed of the keyframes of
+/// `other` around the overlap (options.max_window of them): in others no duplicates are found.
 /// @return the proposal, kind "fusion", of `map`: where `other` goes as a whole and, for its keyframes, in the units that
 /// they have in `other`; welded points; merges and observations; as loop edges the pairs (keyframe of other, of map) that
 /// hold the two together, the overlap's first. Or why there is none: unknown keyframes, no similarity, elements that are in
