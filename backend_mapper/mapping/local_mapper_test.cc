@@ -223,8 +223,8 @@ class FusingMapper : public Mapper {
   }
   Result<MapCorrection> Propose() const {
     LoopClosure overlap;
-    overlap.current = other_views_[2].data->id;
-    overlap.matched = views_[2].data->id;
+    overlap.current = other_views_[0].data->id;
+    overlap.matched = views_[0].data->id;
     overlap.current_from_matched = Sim3d(other_->map().keyframe(overlap.current).camera_from_map) * OtherFromWorld() * MapFromWorld().Inverse() *
                                    Sim3d(mapper_->map().keyframe(overlap.matched).camera_from_map).Inverse();
     return ProposeFusion(mapper_->map(), other_->map(), overlap, LoopCorrectionOptions(), nullptr, nullptr);
