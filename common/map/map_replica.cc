@@ -81,8 +81,13 @@ bool MapReplica::Fits(const MapDelta& delta) const {
   return delta.IsSnapshot() || (delta.epoch == map_.epoch() && delta.base_revision == map_.revision());
 }
 
-bool MapReplica::TryApply(MapDelta* delta) {
-  const auto find_data = [this](KeyFrameId id) { return FindKeyFrameData(id); };
+bool MapReplica::TryApply(MapDelta* delta, const Map::FindData& elsewhere) {
+  const auto find_data = [&](KeyFrameId id) {
+    std::shared_ptr<const KeyFrameData> data = FindKeyFrameData(id);
+    if (data == nullptr && elsewhere) data = elsewhere(id);
+    if (data != nullptr) data_.emplace(id, data);
+    return data;
+  };
   std::vector<MapDelta::RemovedKeyFrame> vanished;
   if (delta->IsSnapshot()) vanished = FindVanished(map_, *delta);
   if (Status status = map_.Apply(*delta, find_data); !status) {
@@ -95,13 +100,13 @@ bool MapReplica::TryApply(MapDelta* delta) {
   return true;
 }
 
-std::vector<MapDelta> MapReplica::ApplyPending() {
+std::vector<MapDelta> MapReplica::ApplyPending(const Map::FindData& elsewhere) {
   std::vector<MapDelta> applied;
   needs_snapshot_ = false;
   for (auto next = waiting_.begin(); next != waiting_.end();) {
     if (IsOutdated(*next)) {
       next = waiting_.erase(next);
-    } else if (Fits(*next) && TryApply(&*next)) {
+    } else if (Fits(*next) && TryApply(&*next, elsewhere)) {
       needs_snapshot_ = false;
       applied.push_back(std::move(*next));
       waiting_.erase(next);

@@ -41,7 +41,9 @@ class MapReplica {
   void AddDelta(MapDelta delta);
   /// Applies what can be applied now. @return the deltas applied, in order: for what hangs on the map (tracker's
   /// matches, anchors). A snapshot lists as removed the keyframes that the replica had and it has not.
-  std::vector<MapDelta> ApplyPending();
+  /// @param elsewhere finds keyframe data that this replica has not, in those of other maps: a map that took in another
+  /// one names keyframes that were published with that one. May be null.
+  std::vector<MapDelta> ApplyPending(const Map::FindData& elsewhere = nullptr);
 
   /// True while a delta waits that does not fit. Keyframe data often follows its delta by a moment: the caller sends
   /// MakeRequest() when this has held for a while (kPatienceMs), and not more often than that.
@@ -60,7 +62,7 @@ class MapReplica {
  private:
   bool IsOutdated(const MapDelta& delta);
   bool Fits(const MapDelta& delta) const;
-  bool TryApply(MapDelta* delta);
+  bool TryApply(MapDelta* delta, const Map::FindData& elsewhere);
 
   static constexpr size_t kMaxWaiting = 256;
   Map map_;

@@ -26,6 +26,7 @@ class MapMotion {
   /// map_from_map, from the map as it was to the map as it is, around the keyframe: its motion, and as scale the median change of its landmarks'
   /// distances. None if the keyframe is gone.
   std::optional<Sim3d> Measure(const Map& map) const;
+  KeyFrameId keyframe() const { return keyframe_; }
 
  private:
   KeyFrameId keyframe_;
