@@ -6,15 +6,14 @@
 
 namespace portolan {
 
-std::optional<MapMotion> LinkGraph::MotionAt(const Place& place) const {
+MapMotion LinkGraph::MotionAt(const Place& place) const {
   const Map* map = find_map_(place.map);
-  if (map == nullptr || !place.keyframe.IsValid()) return std::nullopt;
-  return MapMotion(*map, place.keyframe);
+  return map == nullptr ? MapMotion() : MapMotion(*map, place.keyframe);
 }
 
-Sim3d LinkGraph::MotionOf(MapId id, const std::optional<MapMotion>& motion) const {
+Sim3d LinkGraph::MotionOf(MapId id, const MapMotion& motion) const {
   const Map* map = find_map_(id);
-  return map == nullptr || !motion ? Sim3d() : motion->Measure(*map).value_or(Sim3d());
+  return map == nullptr ? Sim3d() : motion.Measure(*map).value_or(Sim3d());
 }
 
 void LinkGraph::Link(const Place& map, const Place& other, const Sim3d& map_from_other) {
@@ -41,10 +40,8 @@ void LinkGraph::Fuse(MapId map, MapId other, const Sim3d& map_from_other) {
     const MapId third = maps.first == other ? maps.second : maps.first;
     const Sim3d now = FirstFromSecond(maps, edge);
     const Sim3d other_from_third = maps.first == other ? now : now.Inverse();
-    const std::optional<MapMotion>& motion = maps.first == other ? edge.motion_of_first : edge.motion_of_second;
-    const std::optional<MapMotion>& motion_of_third = maps.first == other ? edge.motion_of_second : edge.motion_of_first;
-    const Place place{map, motion ? motion->keyframe() : KeyFrameId()};
-    const Place third_place{third, motion_of_third ? motion_of_third->keyframe() : KeyFrameId()};
+    const Place place{map, (maps.first == other ? edge.motion_of_first : edge.motion_of_second).keyframe()};
+    const Place third_place{third, (maps.first == other ? edge.motion_of_second : edge.motion_of_first).keyframe()};
     next = links_.erase(next);
     if (third != map && !AreLinked(map, third)) Link(place, third_place, map_from_other * other_from_third);
   }

@@ -45,11 +45,11 @@ class LinkGraph {
   using Pair = std::pair<MapId, MapId>;  // the lower id first
   struct Edge {
     Sim3d first_from_second;
-    std::optional<MapMotion> motion_of_first, motion_of_second;
+    MapMotion motion_of_first, motion_of_second;
   };
   static Pair Key(MapId a, MapId b) { return a < b ? Pair(a, b) : Pair(b, a); }
-  std::optional<MapMotion> MotionAt(const Place& place) const;
-  Sim3d MotionOf(MapId map, const std::optional<MapMotion>& motion) const;
+  MapMotion MotionAt(const Place& place) const;
+  Sim3d MotionOf(MapId map, const MapMotion& motion) const;
   /// Its Sim3 as the maps are now.
   Sim3d FirstFromSecond(const Pair& maps, const Edge& edge) const;
   std::map<MapId, std::pair<MapId, int>> Search(MapId from) const;  // predecessor and number of links, breadth first

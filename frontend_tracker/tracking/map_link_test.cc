@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "base/random.h"
 #include "testing/matchers.h"
 #include "tracking/synthetic_frame.h"
@@ -80,7 +82,7 @@ TEST_F(MapLinkTest, LandmarksThatAreGoneOrBehindTheCameraDoNotCount) {
   const auto in_other = TrueLandmarks(scene_, 2, other_);
   const Rigid3d camera_from_other = scene_.views[2].camera_from_world;
   EXPECT_EQ(MakeOverlap({map_, TransformPose(camera_from_other, map_from_other_), in_map}, {other_, camera_from_other, in_other}).depths.size(), all - 1);
-  const Rigid3d looking_away = Rigid3d(ExpSO3({0, M_PI, 0}), {}) * camera_from_other;
+  const Rigid3d looking_away = Rigid3d(ExpSO3({0, M_PI, 0}), Eigen::Vector3d::Zero()) * camera_from_other;
   EXPECT_TRUE(MakeOverlap({map_, looking_away, in_map}, {other_, looking_away, in_other}).depths.empty());
 }
 

@@ -20,6 +20,8 @@ namespace portolan {
 ///   if (const auto new_from_old = motion.Measure(map)) pose = TransformPose(pose, *new_from_old);
 class MapMotion {
  public:
+  /// Measures nothing.
+  MapMotion() = default;
   /// Notes the keyframe's pose and its landmarks. One that is not in the map measures nothing later.
   MapMotion(const Map& map, KeyFrameId keyframe);
 

@@ -153,7 +153,7 @@ TEST_F(TrackerMapsTest, SaysSoWhenTheCameraIsNotInTheMap) {
 
 TEST_F(TrackerMapsTest, GoesOnInTheMapThatTookItsOwnIn) {
   int place = GoIntoSecondMap();
-  for (int i = 0; i < 4; ++i, ++place) ExpectRightPose(Show(place), place);
+  for (int i = 0; i < 2; ++i, ++place) ExpectRightPose(Show(place), place);
   const size_t records = tracker_->history().records().size();
   // The mapper moves everything of the second map into the first.
   const Sim3d first_from_second = TrueSecondFromFirst().Inverse();
