@@ -166,7 +166,7 @@ Reply Atlas::AnswerDeleteMap(const Request& request, double now_s) {
     sizes_.erase(request.map);
     graph_.Remove(request.map);
     deleted_.insert(request.map);
-    forgotten_.push_back(request.map);
+    just_deleted_.push_back(request.map);
     commands_.push_back(MakeCommand(CommandKind::kForgetMap, request.map));
     reply.ok = true;
   }
@@ -418,7 +418,6 @@ void Atlas::Fuse(MapId map, MapId other, const Sim3d& map_from_other) {
   sizes_.erase(other);
   holds_.erase(other);
   unwanted_since_s_.erase(other);
-  forgotten_.push_back(other);
   told_fusions_.insert(other);
   Command command = MakeCommand(CommandKind::kFuseMaps, map);
   command.other = other;

@@ -21,9 +21,11 @@ constexpr const char* kFirstTables =  // of schema 1
     "CREATE TABLE ownership(map INTEGER PRIMARY KEY, robot INTEGER NOT NULL, epoch INTEGER NOT NULL, owner INTEGER NOT "
     "NULL);";
 constexpr const char* kGraphTables =  // new in schema 2
-    "CREATE TABLE link(map INTEGER NOT NULL, other INTEGER NOT NULL, transform BLOB NOT NULL, PRIMARY KEY(map, other));"
+    "CREATE TABLE link(map INTEGER NOT NULL, other INTEGER NOT NULL, origin INTEGER NOT NULL, transform BLOB NOT NULL, "
+    "PRIMARY KEY(map, other));"
     "CREATE TABLE activity(map INTEGER NOT NULL, other INTEGER NOT NULL, count INTEGER NOT NULL, PRIMARY KEY(map, "
-    "other));";
+    "other));"
+    "CREATE TABLE fused(other INTEGER PRIMARY KEY, map INTEGER NOT NULL, transform BLOB NOT NULL);";
 
 /// Runs a statement that has no rows.
 Status Run(SqlStatement* statement) {
@@ -223,12 +225,12 @@ Status MapStore::SaveOwnership(const Atlas::Ownership& ownership) {
 
 Status MapStore::SaveGraph(const Graph& graph) {
   const Status done = InTransaction([&]() -> Status {
-    if (Status cleared = database_.Execute("DELETE FROM link; DELETE FROM activity"); !cleared) return cleared;
-    Result<SqlStatement> insert_link = database_.Prepare("INSERT OR REPLACE INTO link VALUES (?1, ?2, ?3)");
+    if (Status cleared = database_.Execute("DELETE FROM link; DELETE FROM activity; DELETE FROM fused"); !cleared) return cleared;
+    Result<SqlStatement> insert_link = database_.Prepare("INSERT OR REPLACE INTO link VALUES (?1, ?2, ?3, ?4)");
     if (!insert_link) return insert_link.error();
     for (const Link& link : graph.links) {
       const std::string blob = LinkBlob(link);
-      insert_link->Bind(1, link.map.value).Bind(2, link.other.value).Bind(3, blob);
+      insert_link->Bind(1, link.map.value).Bind(2, link.other.value).Bind(3, static_cast<uint64_t>(link.origin)).Bind(4, blob);
       if (Status inserted = Run(&*insert_link); !inserted) return inserted;
     }
     Result<SqlStatement> insert_activity = database_.Prepare("INSERT OR REPLACE INTO activity VALUES (?1, ?2, ?3)");
@@ -236,6 +238,12 @@ Status MapStore::SaveGraph(const Graph& graph) {
     for (const Activity& activity : graph.activities) {
       insert_activity->Bind(1, activity.map.value).Bind(2, activity.other.value).Bind(3, activity.count);
       if (Status inserted = Run(&*insert_activity); !inserted) return inserted;
+    }
+    Result<SqlStatement> insert_fused = database_.Prepare("INSERT OR REPLACE INTO fused VALUES (?1, ?2, ?3)");
+    if (!insert_fused) return insert_fused.error();
+    for (const auto& [map, other, map_from_other] : graph.fused) {
+      const std::string blob = LinkBlob({map, other, map_from_other});
+      if (Status inserted = Run(&insert_fused->Bind(1, other.value).Bind(2, map.value).Bind(3, blob)); !inserted) return inserted;
     }
     return Ok{};
   });
@@ -274,6 +282,7 @@ Result<MapStore::Content> MapStore::Load() {
   if (Status loaded = LoadMaps(&content); !loaded) return At(loaded.error());
   if (Status loaded = LoadLinks(&content); !loaded) return At(loaded.error());
   if (Status loaded = LoadActivities(&content); !loaded) return At(loaded.error());
+  if (Status loaded = LoadFused(&content); !loaded) return At(loaded.error());
   return content;
 }
 
@@ -309,14 +318,15 @@ Status MapStore::LoadMaps(Content* content) {
 }
 
 Status MapStore::LoadLinks(Content* content) {
-  Result<SqlStatement> query = database_.Prepare("SELECT map, other, transform FROM link ORDER BY map, other");
+  Result<SqlStatement> query = database_.Prepare("SELECT map, other, origin, transform FROM link ORDER BY map, other");
   if (!query) return query.error();
   for (;;) {
     const Result<bool> row = query->Step();
     if (!row) return row.error();
     if (!*row) return Ok{};
-    Link link{MapId(query->Integer(0)), MapId(query->Integer(1)), Sim3d()};
-    if (ReadLinkBlob(query->Blob(2), &link)) {
+    const uint64_t origin = std::min(query->Integer(2), static_cast<uint64_t>(MapGraph::Origin::kEntered));
+    Link link{MapId(query->Integer(0)), MapId(query->Integer(1)), Sim3d(), static_cast<MapGraph::Origin>(origin)};
+    if (ReadLinkBlob(query->Blob(3), &link)) {
       content->graph.links.push_back(link);
     } else {
       const std::string name = "the link of map " + ToString(link.map) + " to map " + ToString(link.other);
@@ -333,6 +343,22 @@ Status MapStore::LoadActivities(Content* content) {
     if (!row) return row.error();
     if (!*row) return Ok{};
     content->graph.activities.push_back({MapId(query->Integer(0)), MapId(query->Integer(1)), query->Integer(2)});
+  }
+}
+
+Status MapStore::LoadFused(Content* content) {
+  Result<SqlStatement> query = database_.Prepare("SELECT map, other, transform FROM fused ORDER BY other");
+  if (!query) return query.error();
+  for (;;) {
+    const Result<bool> row = query->Step();
+    if (!row) return row.error();
+    if (!*row) return Ok{};
+    Link link{MapId(query->Integer(0)), MapId(query->Integer(1)), Sim3d()};
+    if (ReadLinkBlob(query->Blob(2), &link)) {
+      content->graph.fused.push_back({link.map, link.other, link.map_from_other});
+    } else {
+      content->problems.push_back(At({"where map " + ToString(link.other) + " went into map " + ToString(link.map) + " is damaged"}).message);
+    }
   }
 }
 

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "atlas/atlas.h"
+#include "atlas/map_graph.h"
 #include "atlas/sqlite.h"
-#include "geometry/sim3.h"
 #include "map/keyframe.h"
 #include "map/map_delta.h"
 #include "map/map_file.h"
@@ -25,8 +25,9 @@ namespace portolan {
 ///   keyframe(id, data)                      data: EncodeKeyFrameData, zstd
 ///   map(id, epoch, revision, state)         state: EncodeSnapshot, zstd; its keyframes are in keyframe
 ///   ownership(map, robot, epoch, owner)     of every map ever granted and not deleted
-///   link(map, other, transform)             transform: map_from_other (see LinkBlob in map_store.cc)
+///   link(map, other, origin, transform)     transform: map_from_other (see LinkBlob in map_store.cc)
 ///   activity(map, other, count)             the map graph's mutual activities
+///   fused(map, other, transform)            other went into map
 /// Each blob has a hash over its content in it, which is verified when it is read; a blob that is damaged is left out and
 /// named. Schema 1 had no map graph; a file of it becomes one of schema 2, at once or not at all, when it is opened.
 class MapStore {
@@ -36,24 +37,13 @@ class MapStore {
   static Result<std::unique_ptr<MapStore>> Open(const std::string& path);
 
   using StoredMap = portolan::StoredMap;
-  /// Where two maps lie to each other.
-  struct Link {
-    MapId map, other;
-    Sim3d map_from_other;
-  };
-  /// How often trackers went from one of two maps to the other (paper Sec. 6).
-  struct Activity {
-    MapId map, other;
-    uint64_t count = 0;
-  };
-  struct Graph {
-    std::vector<Link> links;
-    std::vector<Activity> activities;
-  };
+  using Link = MapGraph::Link;
+  using Activity = MapGraph::Activity;
+  using Graph = MapGraph::State;
   struct Content {
     std::vector<StoredMap> maps;               ///< by id
     std::vector<Atlas::Ownership> ownerships;  ///< by map
-    Graph graph;                               ///< by map and other
+    Graph graph;                               ///< by map and other; its maps are those of the links and activities
     std::vector<std::string> problems;  ///< maps and links that are damaged and left out, and why; they stay in the file
   };
   /// Fails when the file as a whole can't be read.
@@ -102,6 +92,7 @@ class MapStore {
   Status LoadOwnerships(Content* content);
   Status LoadLinks(Content* content);
   Status LoadActivities(Content* content);
+  Status LoadFused(Content* content);
   Error At(const Error& error) const { return Error{"atlas store '" + path_ + "': " + error.message}; }
 
   std::string path_;

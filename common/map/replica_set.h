@@ -21,14 +21,24 @@ class ReplicaSet {
   void AddKeyFrameData(MapId map, std::shared_ptr<const KeyFrameData> data);
   /// See MapReplica. Of a map that is known.
   void DropAppearance(MapId map, KeyFrameId keyframe) { replicas_.at(map).DropAppearance(keyframe); }
+  void RestoreAppearance(MapId map, std::shared_ptr<const KeyFrameData> data) { replicas_.at(map).RestoreAppearance(std::move(data)); }
   /// A whole delta, as from a store.
   void AddDelta(MapDelta delta);
   void AddChunk(MapDeltaChunk chunk);
   /// Someone says that the map has come so far: one that stays behind has lost its last deltas, or come late, and asks.
   void Announce(MapId map, Epoch epoch, Revision revision);
 
-  /// Applies what can be applied, of all maps. @return the deltas applied, in order (see MapReplica::ApplyPending).
+  /// Applies what can be applied, of all maps; a map finds the data of keyframes that came from another in that one's
+  /// replica. @return the deltas applied, in order (see MapReplica::ApplyPending).
   std::vector<MapDelta> ApplyPending();
+
+  /// Forgets a map that is of no interest any more; what comes of it later is followed again.
+  void Forget(MapId map);
+  /// Forgets a map that is no more: what still comes of it is ignored, up to the last epoch that was heard of here. Does
+  /// no harm to an unknown one.
+  void Remove(MapId map);
+  /// The same for a map that was taken into another: its keyframe data passes on, for the delta that will name it.
+  void Remove(MapId map, MapId taken_into);
 
   /// Requests for maps that have waited for long enough; for each once a second at most.
   std::vector<SnapshotRequest> DueRequests(double now_s, ProcessId asker);
@@ -59,11 +69,14 @@ class ReplicaSet {
   };
 
   MapReplica& Replica(MapId map);
+  std::shared_ptr<const KeyFrameData> FindKeyFrameData(KeyFrameId id) const;
+  bool IsRemoved(MapId map, Epoch epoch) const;
   void DropUnusedData(MapReplica* replica);
   bool IsBehind(const Map& map, const Watch& watch) const;
 
   std::map<MapId, MapReplica> replicas_;
   std::map<MapId, Watch> watches_;
+  std::map<MapId, Epoch> removed_;  // with the last epoch heard of
   DeltaAssembler assembler_;
 };
 
