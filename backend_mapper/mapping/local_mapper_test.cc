@@ -28,8 +28,7 @@ class Mapper : public ::testing::Test {
     scene_ = std::make_unique<TestScene>(options);
     views_ = SeeAlongPath(scene_.get(), 10, 0.4);
     for (const TestView& view : views_) data_[view.data->id] = view.data;
-    mapper_ = std::make_unique<LocalMapper>(MapperOptions(), kMap, 5, RobotId{1}, 3,
-                                            [this](MapDelta delta) { Follow(delta); });
+    mapper_ = std::make_unique<LocalMapper>(MapperOptions(), kMap, 5, &point_ids_, [this](MapDelta delta) { Follow(delta); });
   }
   void Follow(const MapDelta& delta) {
     ++deltas_;
@@ -74,6 +73,7 @@ class Mapper : public ::testing::Test {
   std::unique_ptr<TestScene> scene_;
   std::vector<TestView> views_;
   std::map<KeyFrameId, std::shared_ptr<const KeyFrameData>> data_;
+  IdMinter<MapPointId> point_ids_{1, 3};
   std::unique_ptr<LocalMapper> mapper_;
   Map replica_{kMap};
   int deltas_ = 0;
@@ -100,6 +100,7 @@ TEST_F(Mapper, BuildsAnAccurateMapThatReplicasFollow) {
 TEST_F(Mapper, TheSameInputGivesTheSameMap) {
   RunAll();
   const uint64_t first = HashMap(mapper_->map());
+  point_ids_ = IdMinter<MapPointId>(1, 3);
   SetUp();
   replica_ = Map(kMap);
   RunAll();
@@ -159,7 +160,8 @@ TEST_F(Mapper, TheTrackersPoseIsBroughtUpToTheMap) {
 
 TEST_F(Mapper, ANewOwnerGoesOn) {
   RunAll();
-  LocalMapper successor(MapperOptions(), replica_, 6, RobotId{2}, 9, [this](MapDelta delta) { Follow(delta); });
+  IdMinter<MapPointId> other_ids(2, 9);
+  LocalMapper successor(MapperOptions(), replica_, 6, &other_ids, [this](MapDelta delta) { Follow(delta); });
   const TestView next = scene_->See(CameraAt({3.8, 0, 0}));
   views_.push_back(next);
   data_[next.data->id] = next.data;

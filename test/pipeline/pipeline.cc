@@ -10,7 +10,7 @@ constexpr size_t kDeltaChunkElements = 10000;
 
 Pipeline::Pipeline(const TrackerOptions& tracker_options, const MapperOptions& mapper_options, const LoopOptions& loop_options,
                    const CameraModel& camera, std::shared_ptr<const Vocabulary> vocabulary, uint32_t session)
-    : session_(session),
+    : point_ids_(kRobot, session),
       mapper_options_(mapper_options),
       vocabulary_(vocabulary),
       tracker_(tracker_options, camera, vocabulary, kRobot, session),
@@ -23,7 +23,7 @@ Pipeline::Pipeline(const TrackerOptions& tracker_options, const MapperOptions& m
 Tracker::Output Pipeline::Track(const Image& image) {
   Tracker::Output output = tracker_.Track(image);
   for (const MapId map : output.new_maps) {
-    mappers_[map] = std::make_unique<LocalMapper>(mapper_options_, map, next_epoch_++, kRobot, session_,
+    mappers_[map] = std::make_unique<LocalMapper>(mapper_options_, map, next_epoch_++, &point_ids_,
                                                   [this](MapDelta delta) {
                                                     for (MapDeltaChunk& chunk : SplitDelta(delta, kDeltaChunkElements)) {
                                                       loop_closer_.follower().AddChunk(std::move(chunk));

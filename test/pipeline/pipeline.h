@@ -30,7 +30,7 @@ class Pipeline {
   void Map(const KeyFrameMessage& message);
   void CloseLoops(LocalMapper* mapper, MapperState state);
 
-  uint32_t session_;
+  IdMinter<MapPointId> point_ids_;
   MapperOptions mapper_options_;
   std::shared_ptr<const Vocabulary> vocabulary_;
   Tracker tracker_;
