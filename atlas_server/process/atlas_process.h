@@ -131,7 +131,7 @@ class AtlasProcess {
   MapJoiner joiner_;
   std::optional<MapSaver> saver_;
   std::deque<Waiting> waiting_;               // keyframes to be looked up
-  std::map<RobotId, FollowerState> followers_;  // as last published, by the robot whose keyframes they are about
+  std::map<RobotId, FollowerState> followers_, published_;  // by the robot whose keyframes they are about
   std::map<ProcessId, KeyFrameId> queued_;    // the last of each mapper
   std::deque<KeyFrameData> queries_;          // of trackers that know no map
   std::deque<Search> searches_;
@@ -143,6 +143,7 @@ class AtlasProcess {
     uint64_t keyframes = 0, passed_over = 0, maps = 0, candidates = 0, consistent = 0, verified = 0, confirmed = 0, refused = 0;
     uint64_t located = 0, not_located = 0;
   } lookups_;
+  double lookup_ms_ = 0;  // of the last keyframe
   LogThrottle store_log_;
   MapId last_map_;  // that changed
   uint64_t foreign_vocabulary_ = 0, grants_ = 0, snapshots_sent_ = 0, snapshots_asked_ = 0, store_failures_ = 0;
