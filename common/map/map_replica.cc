@@ -40,7 +40,15 @@ void MapReplica::DropAppearance(KeyFrameId id) {
   const auto found = data_.find(id);
   if (found == data_.end() || !found->second->features.HasAppearance()) return;
   found->second = WithoutAppearance(*found->second);
-  if (map_.FindKeyFrame(id) != nullptr) map_.DropAppearance(id, found->second);
+  if (map_.FindKeyFrame(id) != nullptr) map_.ReplaceData(id, found->second);
+}
+
+void MapReplica::RestoreAppearance(std::shared_ptr<const KeyFrameData> data) {
+  const KeyFrameId id = data->id;
+  const auto found = data_.find(id);
+  if (found == data_.end()) return;
+  found->second = std::move(data);
+  if (map_.FindKeyFrame(id) != nullptr) map_.ReplaceData(id, found->second);
 }
 
 void MapReplica::DropKeyFrameData(KeyFrameId id) {

@@ -34,6 +34,8 @@ class MapReplica {
   const std::map<KeyFrameId, std::shared_ptr<const KeyFrameData>>& keyframe_data() const { return data_; }
   /// Goes on without a keyframe's orientations and descriptors, which are kept elsewhere. No effect for an unknown one.
   void DropAppearance(KeyFrameId id);
+  /// Goes on with the whole data of a keyframe again. No effect for an unknown one.
+  void RestoreAppearance(std::shared_ptr<const KeyFrameData> data);
   /// Forgets data that is not in the map.
   void DropKeyFrameData(KeyFrameId id);
 

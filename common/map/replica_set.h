@@ -21,6 +21,7 @@ class ReplicaSet {
   void AddKeyFrameData(MapId map, std::shared_ptr<const KeyFrameData> data);
   /// See MapReplica. Of a map that is known.
   void DropAppearance(MapId map, KeyFrameId keyframe) { replicas_.at(map).DropAppearance(keyframe); }
+  void RestoreAppearance(MapId map, std::shared_ptr<const KeyFrameData> data) { replicas_.at(map).RestoreAppearance(std::move(data)); }
   /// A whole delta, as from a store.
   void AddDelta(MapDelta delta);
   void AddChunk(MapDeltaChunk chunk);

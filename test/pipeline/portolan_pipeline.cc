@@ -10,8 +10,8 @@
 #include "dataset/calibration.h"
 #include "dataset/image_source.h"
 #include "dataset/trajectory_io.h"
+#include "map/map_file.h"
 #include "mapping/mapper_config.h"
-#include "pipeline/map_file.h"
 #include "pipeline/pipeline.h"
 #include "tracking/joined_trajectory.h"
 #include "tracking/tracker_config.h"
@@ -62,7 +62,7 @@ int Run(const SourceOptions& source_options, const std::string& out, const Track
   if (!maps_file.empty()) {
     std::vector<const Map*> maps;
     for (const auto& [id, mapper] : pipeline.mappers()) maps.push_back(&mapper->map());
-    if (Status status = SaveMaps(maps_file, maps); !status) {
+    if (Status status = WriteMapFile(maps_file, maps); !status) {
       spdlog::error("{}", status.error().message);
       return 1;
     }
