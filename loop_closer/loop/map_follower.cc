@@ -12,6 +12,7 @@ void MapFollower::Follow(MapId map, Epoch epoch) {
   Unindex(followed_.front(), nullptr);
   replicas_.Forget(followed_.front());
   followed_.pop_front();
+  ChooseActiveMap();
 }
 
 bool MapFollower::IsFollowed(MapId map) const { return std::find(followed_.begin(), followed_.end(), map) != followed_.end(); }

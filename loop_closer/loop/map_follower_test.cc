@@ -182,7 +182,7 @@ TEST_F(MapFollowerTest, FollowsTheLastMapsOnly) {
   EXPECT_FALSE(follower_.IsFollowed(map_.id()));
   EXPECT_TRUE(follower_.Maps().empty());
   EXPECT_EQ(follower_.index().size(), 0u);
-  EXPECT_FALSE(follower_.active_map().IsValid() && follower_.Maps().empty());
+  EXPECT_FALSE(follower_.active_map().IsValid());
 }
 
 TEST_F(MapFollowerTest, TheActiveMapIsTheOneThatTheTrackerIsIn) {
