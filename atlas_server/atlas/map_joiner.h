@@ -101,6 +101,7 @@ class MapJoiner {
     DetectedOverlap detected;  ///< of a fusion
     ProcessId owner;           ///< that is to own both maps of a fusion
     uint64_t number = 0;       ///< of the correction
+    int refusals = 0;          ///< of it, by the mapper
     Sim3d map_from_other;
     JoinRecord record;
   };
