@@ -4,20 +4,28 @@
 #include <iterator>
 
 #include "atlas/zstd_blob.h"
+#include "base/hash.h"
+#include "map/byte_stream.h"
 #include "map/map_io.h"
 
 namespace portolan {
 namespace {
 
 constexpr uint64_t kApplicationId = 0x50544c4e;  // "PTLN"
-constexpr uint64_t kSchema = 1;
+constexpr uint64_t kSchema = 2;
 constexpr size_t kMaxBlobBytes = 1u << 30;  // SQLite's own limit on a blob
 
-constexpr const char* kTables =
+constexpr const char* kFirstTables =  // of schema 1
     "CREATE TABLE keyframe(id INTEGER PRIMARY KEY, data BLOB NOT NULL);"
     "CREATE TABLE map(id INTEGER PRIMARY KEY, epoch INTEGER NOT NULL, revision INTEGER NOT NULL, state BLOB NOT NULL);"
     "CREATE TABLE ownership(map INTEGER PRIMARY KEY, robot INTEGER NOT NULL, epoch INTEGER NOT NULL, owner INTEGER NOT "
     "NULL);";
+constexpr const char* kGraphTables =  // new in schema 2
+    "CREATE TABLE link(map INTEGER NOT NULL, other INTEGER NOT NULL, origin INTEGER NOT NULL, transform BLOB NOT NULL, "
+    "PRIMARY KEY(map, other));"
+    "CREATE TABLE activity(map INTEGER NOT NULL, other INTEGER NOT NULL, count INTEGER NOT NULL, PRIMARY KEY(map, "
+    "other));"
+    "CREATE TABLE fused(other INTEGER PRIMARY KEY, map INTEGER NOT NULL, transform BLOB NOT NULL);";
 
 /// Runs a statement that has no rows.
 Status Run(SqlStatement* statement) {
@@ -32,6 +40,34 @@ std::vector<KeyFrameId> Members(const MapDelta& snapshot) {
   for (const auto& state : snapshot.keyframes) members.push_back(state.id);
   std::sort(members.begin(), members.end());
   return members;
+}
+
+uint64_t HashOf(const MapStore::Link& link, std::string_view transform) {
+  Hasher hasher;
+  hasher.Add(link.map.value);
+  hasher.Add(link.other.value);
+  hasher.AddBytes(transform.data(), transform.size());
+  return hasher.Value();
+}
+
+/// Scale, rotation (x, y, z, w) and translation as doubles, and a hash over them and the two maps.
+std::string LinkBlob(const MapStore::Link& link) {
+  ByteWriter writer;
+  writer.Fixed(link.map_from_other.scale);
+  writer.FixedArray(link.map_from_other.rotation.coeffs().data(), 4);
+  writer.FixedArray(link.map_from_other.translation.data(), 3);
+  writer.Fixed(HashOf(link, writer.bytes()));
+  return writer.Take();
+}
+
+/// Reads it into the link of the two maps. @return whether it is whole.
+bool ReadLinkBlob(std::string_view blob, MapStore::Link* link) {
+  ByteReader reader(blob);
+  link->map_from_other.scale = reader.Fixed<double>();
+  reader.FixedArray(link->map_from_other.rotation.coeffs().data(), 4);
+  reader.FixedArray(link->map_from_other.translation.data(), 3);
+  const auto hash = reader.Fixed<uint64_t>();
+  return reader.AtEnd() && hash == HashOf(*link, blob.substr(0, blob.size() - sizeof hash));
 }
 
 }  // namespace
@@ -75,9 +111,21 @@ Status MapStore::MakeSchema() {
   const Result<uint64_t> application = database_.QueryInteger("PRAGMA application_id");
   if (!application) return application.error();
   if (*application == 0) {
-    if (Status made = database_.Execute(kTables); !made) return made;
+    if (Status made = database_.Execute(kFirstTables); !made) return made;
     if (Status marked = database_.Execute("PRAGMA application_id = " + std::to_string(kApplicationId)); !marked)
       return marked;
+    return Migrate(1);
+  }
+  const Result<uint64_t> schema = database_.QueryInteger("PRAGMA user_version");
+  if (!schema) return schema.error();
+  return Migrate(*schema);
+}
+
+/// From one schema to the next until the newest; also when nothing is to be done, as that shows that the file can be
+/// written.
+Status MapStore::Migrate(uint64_t from) {
+  if (from < 2) {
+    if (Status made = database_.Execute(kGraphTables); !made) return made;
   }
   return database_.Execute("PRAGMA user_version = " + std::to_string(kSchema));
 }
@@ -123,7 +171,8 @@ Status MapStore::SaveKeyFrames(const std::vector<std::shared_ptr<const KeyFrameD
 Status MapStore::SaveMap(const MapDelta& snapshot) {
   for (const auto& [id, pose, parent, features] : snapshot.keyframes)
     PORTOLAN_CHECK(HasKeyFrame(id)) << "keyframe " << id << " of map " << snapshot.map << " is not stored";
-  const std::vector<KeyFrameId> vanished = Vanished(snapshot);
+  const std::vector<KeyFrameId> members = Members(snapshot);
+  const std::vector<KeyFrameId> vanished = Vanished(snapshot.map, members);
   const Status done = InTransaction([&]() -> Status {
     Result<SqlStatement> insert = database_.Prepare("INSERT OR REPLACE INTO map VALUES (?1, ?2, ?3, ?4)");
     if (!insert) return insert.error();
@@ -134,20 +183,19 @@ Status MapStore::SaveMap(const MapDelta& snapshot) {
   });
   if (!done) return At(done.error());
   for (const KeyFrameId id : vanished) keyframes_.erase(id);
-  members_[snapshot.map] = Members(snapshot);
+  members_[snapshot.map] = members;
   return Ok{};
 }
 
-std::vector<KeyFrameId> MapStore::Vanished(const MapDelta& snapshot) const {
-  const auto before = members_.find(snapshot.map);
+std::vector<KeyFrameId> MapStore::Vanished(MapId map, const std::vector<KeyFrameId>& staying) const {
+  const auto before = members_.find(map);
   if (before == members_.end()) return {};
-  std::set<KeyFrameId> staying;  // here or, after a fusion, in another map
-  for (const auto& state : snapshot.keyframes) staying.insert(state.id);
-  for (const auto& [map, members] : members_) {
-    if (map != snapshot.map) staying.insert(members.begin(), members.end());
+  std::set<KeyFrameId> kept(staying.begin(), staying.end());  // here or, after a fusion, in another map
+  for (const auto& [other, members] : members_) {
+    if (other != map) kept.insert(members.begin(), members.end());
   }
   std::vector<KeyFrameId> vanished;
-  std::set_difference(before->second.begin(), before->second.end(), staying.begin(), staying.end(),
+  std::set_difference(before->second.begin(), before->second.end(), kept.begin(), kept.end(),
                       std::back_inserter(vanished));
   return vanished;
 }
@@ -175,10 +223,66 @@ Status MapStore::SaveOwnership(const Atlas::Ownership& ownership) {
   return Ok{};
 }
 
+Status MapStore::SaveGraph(const Graph& graph) {
+  const Status done = InTransaction([&]() -> Status {
+    if (Status cleared = database_.Execute("DELETE FROM link; DELETE FROM activity; DELETE FROM fused"); !cleared) return cleared;
+    Result<SqlStatement> insert_link = database_.Prepare("INSERT OR REPLACE INTO link VALUES (?1, ?2, ?3, ?4)");
+    if (!insert_link) return insert_link.error();
+    for (const Link& link : graph.links) {
+      const std::string blob = LinkBlob(link);
+      insert_link->Bind(1, link.map.value).Bind(2, link.other.value).Bind(3, static_cast<uint64_t>(link.origin)).Bind(4, blob);
+      if (Status inserted = Run(&*insert_link); !inserted) return inserted;
+    }
+    Result<SqlStatement> insert_activity = database_.Prepare("INSERT OR REPLACE INTO activity VALUES (?1, ?2, ?3)");
+    if (!insert_activity) return insert_activity.error();
+    for (const Activity& activity : graph.activities) {
+      insert_activity->Bind(1, activity.map.value).Bind(2, activity.other.value).Bind(3, activity.count);
+      if (Status inserted = Run(&*insert_activity); !inserted) return inserted;
+    }
+    Result<SqlStatement> insert_fused = database_.Prepare("INSERT OR REPLACE INTO fused VALUES (?1, ?2, ?3)");
+    if (!insert_fused) return insert_fused.error();
+    for (const auto& [map, other, map_from_other] : graph.fused) {
+      const std::string blob = LinkBlob({map, other, map_from_other});
+      if (Status inserted = Run(&insert_fused->Bind(1, other.value).Bind(2, map.value).Bind(3, blob)); !inserted) return inserted;
+    }
+    return Ok{};
+  });
+  if (!done) return At(done.error());
+  return Ok{};
+}
+
+Status MapStore::DeleteMap(MapId id) {
+  const std::vector<KeyFrameId> vanished = Vanished(id, {});
+  const Status done = InTransaction([&]() -> Status {
+    for (const char* sql : {"DELETE FROM map WHERE id = ?1", "DELETE FROM ownership WHERE map = ?1",
+                            "DELETE FROM link WHERE map = ?1 OR other = ?1", "DELETE FROM activity WHERE map = ?1 OR other = ?1"}) {
+      Result<SqlStatement> remove = database_.Prepare(sql);
+      if (!remove) return remove.error();
+      if (Status removed = Run(&remove->Bind(1, id.value)); !removed) return removed;
+    }
+    return Remove(vanished);
+  });
+  if (!done) return At(done.error());
+  for (const KeyFrameId keyframe : vanished) keyframes_.erase(keyframe);
+  members_.erase(id);
+  return Ok{};
+}
+
+Status MapStore::ExportMap(MapId id, const std::string& path) {
+  const Result<StoredMap> stored = LoadMap(id);
+  if (!stored) return stored.error();
+  const Result<Map> map = RestoreMap(*stored, nullptr);
+  if (!map) return At({"map " + ToString(id) + ": " + map.error().message});
+  return WriteMapFile(path, {&*map});
+}
+
 Result<MapStore::Content> MapStore::Load() {
   Content content;
   if (Status loaded = LoadOwnerships(&content); !loaded) return At(loaded.error());
   if (Status loaded = LoadMaps(&content); !loaded) return At(loaded.error());
+  if (Status loaded = LoadLinks(&content); !loaded) return At(loaded.error());
+  if (Status loaded = LoadActivities(&content); !loaded) return At(loaded.error());
+  if (Status loaded = LoadFused(&content); !loaded) return At(loaded.error());
   return content;
 }
 
@@ -211,6 +315,64 @@ Status MapStore::LoadMaps(Content* content) {
     members_[id] = Members(map->snapshot);
     content->maps.push_back(std::move(*map));
   }
+}
+
+Status MapStore::LoadLinks(Content* content) {
+  Result<SqlStatement> query = database_.Prepare("SELECT map, other, origin, transform FROM link ORDER BY map, other");
+  if (!query) return query.error();
+  for (;;) {
+    const Result<bool> row = query->Step();
+    if (!row) return row.error();
+    if (!*row) return Ok{};
+    const uint64_t origin = std::min(query->Integer(2), static_cast<uint64_t>(MapGraph::Origin::kEntered));
+    Link link{MapId(query->Integer(0)), MapId(query->Integer(1)), Sim3d(), static_cast<MapGraph::Origin>(origin)};
+    if (ReadLinkBlob(query->Blob(3), &link)) {
+      content->graph.links.push_back(link);
+    } else {
+      const std::string name = "the link of map " + ToString(link.map) + " to map " + ToString(link.other);
+      content->problems.push_back(At({name + " is left out: damaged"}).message);
+    }
+  }
+}
+
+Status MapStore::LoadActivities(Content* content) {
+  Result<SqlStatement> query = database_.Prepare("SELECT map, other, count FROM activity ORDER BY map, other");
+  if (!query) return query.error();
+  for (;;) {
+    const Result<bool> row = query->Step();
+    if (!row) return row.error();
+    if (!*row) return Ok{};
+    content->graph.activities.push_back({MapId(query->Integer(0)), MapId(query->Integer(1)), query->Integer(2)});
+  }
+}
+
+Status MapStore::LoadFused(Content* content) {
+  Result<SqlStatement> query = database_.Prepare("SELECT map, other, transform FROM fused ORDER BY other");
+  if (!query) return query.error();
+  for (;;) {
+    const Result<bool> row = query->Step();
+    if (!row) return row.error();
+    if (!*row) return Ok{};
+    Link link{MapId(query->Integer(0)), MapId(query->Integer(1)), Sim3d()};
+    if (ReadLinkBlob(query->Blob(2), &link)) {
+      content->graph.fused.push_back({link.map, link.other, link.map_from_other});
+    } else {
+      content->problems.push_back(At({"where map " + ToString(link.other) + " went into map " + ToString(link.map) + " is damaged"}).message);
+    }
+  }
+}
+
+Result<MapStore::StoredMap> MapStore::LoadMap(MapId id) {
+  const std::string name = "map " + ToString(id);
+  Result<SqlStatement> query = database_.Prepare("SELECT state FROM map WHERE id = ?1");
+  if (!query) return At({name + ": " + query.error().message});
+  const Result<bool> row = query->Bind(1, id.value).Step();
+  if (!row) return At({name + ": " + row.error().message});
+  if (!*row) return At({name + " is not in the store"});
+  Result<StoredMap> map = Decode(query->Blob(0));
+  if (map && map->snapshot.map != id) map = Error{"the state is that of map " + ToString(map->snapshot.map)};
+  if (!map) return At({name + ": " + map.error().message});
+  return map;
 }
 
 Result<MapStore::StoredMap> MapStore::Decode(std::string_view state) {

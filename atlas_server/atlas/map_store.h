@@ -9,9 +9,11 @@
 #include <vector>
 
 #include "atlas/atlas.h"
+#include "atlas/map_graph.h"
 #include "atlas/sqlite.h"
 #include "map/keyframe.h"
 #include "map/map_delta.h"
+#include "map/map_file.h"
 
 namespace portolan {
 
@@ -19,29 +21,36 @@ namespace portolan {
 /// what. What a Save... has returned Ok for is there after a crash of the program or the machine. Every error names the
 /// file. One process has the file open at a time.
 ///
-/// Schema 1 (application_id "PTLN", user_version 1):
+/// Schema 2 (application_id "PTLN", user_version 2):
 ///   keyframe(id, data)                      data: EncodeKeyFrameData, zstd
 ///   map(id, epoch, revision, state)         state: EncodeSnapshot, zstd; its keyframes are in keyframe
-///   ownership(map, robot, epoch, owner)     of every map ever granted
+///   ownership(map, robot, epoch, owner)     of every map ever granted and not deleted
+///   link(map, other, origin, transform)     transform: map_from_other (see LinkBlob in map_store.cc)
+///   activity(map, other, count)             the map graph's mutual activities
+///   fused(map, other, transform)            other went into map
+/// Each blob has a hash over its content in it, which is verified when it is read; a blob that is damaged is left out and
+/// named. Schema 1 had no map graph; a file of it becomes one of schema 2, at once or not at all, when it is opened.
 class MapStore {
  public:
   /// Opens a store or makes a new one. Fails on a file of another kind, of a newer schema, damaged, locked by another
   /// process or not writable.
   static Result<std::unique_ptr<MapStore>> Open(const std::string& path);
 
-  /// A map as it was stored: its state from revision 0, and the data of its keyframes (without derived fields).
-  struct StoredMap {
-    MapDelta snapshot;
-    std::vector<KeyFrameData> keyframes;
-  };
+  using StoredMap = portolan::StoredMap;
+  using Link = MapGraph::Link;
+  using Activity = MapGraph::Activity;
+  using Graph = MapGraph::State;
   struct Content {
     std::vector<StoredMap> maps;               ///< by id
     std::vector<Atlas::Ownership> ownerships;  ///< by map
-    std::vector<std::string> problems;         ///< maps that are damaged and left out, and why; they stay in the file
+    Graph graph;                               ///< by map and other; its maps are those of the links and activities
+    std::vector<std::string> problems;  ///< maps and links that are damaged and left out, and why; they stay in the file
   };
   /// Fails when the file as a whole can't be read.
   Result<Content> Load();
 
+  /// One map, as Load() has it: for maps that are not kept in memory.
+  Result<StoredMap> LoadMap(MapId id);
   /// The data of one keyframe, without derived fields.
   Result<KeyFrameData> LoadKeyFrame(KeyFrameId id);
 
@@ -51,8 +60,17 @@ class MapStore {
   /// have been saved.
   Status SaveMap(const MapDelta& snapshot);
   Status SaveOwnership(const Atlas::Ownership& ownership);
+  /// Replaces the map graph as a whole.
+  Status SaveGraph(const Graph& graph);
+  /// Drops a map with its ownership, its part of the map graph, and those of its keyframes that are in no other map. No
+  /// effect for a map that is not there.
+  Status DeleteMap(MapId id);
+  /// Writes one map into a file of its own (map/map_file.h).
+  Status ExportMap(MapId id, const std::string& path);
 
   bool HasKeyFrame(KeyFrameId id) const { return keyframes_.count(id) == 1; }
+  /// Whether a state of the map is stored; after Load().
+  bool HasMap(MapId id) const { return members_.count(id) == 1; }
   size_t num_keyframes() const { return keyframes_.size(); }
   const std::string& path() const { return path_; }
 
@@ -62,15 +80,19 @@ class MapStore {
   Status Prepare();
   Status CheckOrigin();
   Status MakeSchema();
+  Status Migrate(uint64_t from);
   Status InTransaction(const std::function<Status()>& work);
   Status ReadKeyFrameIds();
-  /// Keyframes of the map's stored state that are in no map once the snapshot is.
-  std::vector<KeyFrameId> Vanished(const MapDelta& snapshot) const;
+  /// Keyframes of the map's stored state that are in no map once it has only `staying`.
+  std::vector<KeyFrameId> Vanished(MapId map, const std::vector<KeyFrameId>& staying) const;
   Status Remove(const std::vector<KeyFrameId>& keyframes);
   Result<StoredMap> Decode(std::string_view state);
   Result<KeyFrameData> ReadKeyFrame(KeyFrameId id);
   Status LoadMaps(Content* content);
   Status LoadOwnerships(Content* content);
+  Status LoadLinks(Content* content);
+  Status LoadActivities(Content* content);
+  Status LoadFused(Content* content);
   Error At(const Error& error) const { return Error{"atlas store '" + path_ + "': " + error.message}; }
 
   std::string path_;

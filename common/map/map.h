@@ -83,9 +83,9 @@ class Map {
   /// older epoch or (unless it is a snapshot) a newer one, missing keyframe data, or what CheckDelta (delta_check.h)
   /// finds. A valid map stays valid, whatever comes.
   Status Apply(const MapDelta& delta, const FindData& find_data);
-  /// Goes on without a keyframe's orientations and descriptors (WithoutAppearance). Its points keep the descriptors they
-  /// have; later ones come from keyframes that still have theirs.
-  void DropAppearance(KeyFrameId id, std::shared_ptr<const KeyFrameData> bare);
+  /// Goes on without a keyframe's orientations and descriptors (WithoutAppearance), or with them again. Its points keep the
+  /// descriptors they have; later ones come from keyframes that have theirs.
+  void ReplaceData(KeyFrameId id, std::shared_ptr<const KeyFrameData> data);
 
   // Covisibility: keyframes that see common points, by number of common points (paper Sec. 4: the pose graph's weight).
   /// Number of points that both see; 0 if unknown.

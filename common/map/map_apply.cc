@@ -104,10 +104,10 @@ Status Map::Apply(const MapDelta& delta, const FindData& find_data) {
   return checked;
 }
 
-void Map::DropAppearance(KeyFrameId id, std::shared_ptr<const KeyFrameData> bare) {
+void Map::ReplaceData(KeyFrameId id, std::shared_ptr<const KeyFrameData> data) {
   KeyFrame& keyframe = MutableKeyFrame(id);
-  PORTOLAN_CHECK(bare->id == id && bare->features.size() == keyframe.landmarks.num_features()) << "data of " << bare->id;
-  keyframe.data = std::move(bare);
+  PORTOLAN_CHECK(data->id == id && data->features.size() == keyframe.landmarks.num_features()) << "data of " << data->id;
+  keyframe.data = std::move(data);
 }
 
 void Map::ApplyChecked(const MapDelta& delta, const FindData& find_data) {

@@ -46,6 +46,8 @@ void LoopProcess::ConnectReaders() {
   readers_.push_back(bus_->CreateReader<MapDeltaChunk>(post(&LoopProcess::OnDeltaChunk)));
   readers_.push_back(bus_->CreateReader<MapperState>(post(&LoopProcess::OnMapperState)));
   readers_.push_back(bus_->CreateReader<ProcessStatus>(post(&LoopProcess::OnStatus)));
+  readers_.push_back(bus_->CreateReader<TrackerState>(post(&LoopProcess::OnTrackerState)));
+  readers_.push_back(bus_->CreateReader<Command>(post(&LoopProcess::OnCommand)));
 }
 
 int LoopProcess::Run() {
@@ -82,6 +84,13 @@ void LoopProcess::OnStatus(const ProcessStatus& status) {
   if (status.process != setup_.process) closer_.follower().OnStatus(status);
 }
 
+void LoopProcess::OnTrackerState(const TrackerState& state) { closer_.follower().OnTrackerState(state); }
+
+void LoopProcess::OnCommand(const Command& command) {
+  closer_.OnCommand(command);
+  Continue();
+}
+
 void LoopProcess::Continue() {
   // A keyframe at a time: what waits behind it, timers among them, gets its turn.
   if (closer_.Update()) loop_->Post([this] { Continue(); });
@@ -113,17 +122,15 @@ void LoopProcess::StartJob(LoopCloser::Job job) {
 }
 
 void LoopProcess::PublishState() {
-  FollowerState state = state_;
-  state.map = closer_.follower().active_map();
-  if (state.map.IsValid()) {
-    const Map& map = closer_.follower().map(state.map);
-    state.epoch = map.epoch();
-    state.revision = map.revision();
-  }
-  state.last_keyframe = closer_.last_keyframe();
-  state.is_busy = closer_.is_busy();
-  if (state.last_keyframe == state_.last_keyframe && state.is_busy == state_.is_busy) return;
-  state_ = state;
+  const MapId map = closer_.last_map();
+  const bool is_new = map != state_.map || closer_.last_keyframe() != state_.last_keyframe || closer_.is_busy() != state_.is_busy;
+  if (!is_new) return;
+  const Map* replica = closer_.follower().Find(map);
+  state_.map = map;
+  state_.epoch = replica != nullptr ? replica->epoch() : 0;
+  state_.revision = replica != nullptr ? replica->revision() : 0;
+  state_.last_keyframe = closer_.last_keyframe();
+  state_.is_busy = closer_.is_busy();
   state_writer_->Write(state_);
 }
 
