@@ -54,7 +54,7 @@ void ReplicaSet::Remove(MapId map, MapId taken_into) {
 }
 
 void ReplicaSet::AddKeyFrameData(MapId map, std::shared_ptr<const KeyFrameData> data) {
-  if (removed_.count(map) == 1) return;  // one that comes back begins with a delta or an announcement
+  if (IsRemoved(map, 0)) return;  // one that comes back begins with a delta or an announcement
   MapReplica& replica = Replica(map);
   replica.AddKeyFrameData(std::move(data));
   const bool expects_snapshot =
@@ -135,6 +135,12 @@ Revision ReplicaSet::Lag(MapId map) const {
   return state.epoch() == watch->second.epoch && state.revision() < watch->second.revision
              ? watch->second.revision - state.revision()
              : 0;
+}
+
+bool ReplicaSet::IsBehind(MapId map) const {
+  const auto replica = replicas_.find(map);
+  const auto watch = watches_.find(map);
+  return replica != replicas_.end() && watch != watches_.end() && IsBehind(replica->second.map(), watch->second);
 }
 
 MapReplica::Counters ReplicaSet::counters() const {

@@ -39,6 +39,8 @@ class ReplicaSet {
   void Remove(MapId map);
   /// The same for a map that was taken into another: its keyframe data passes on, for the delta that will name it.
   void Remove(MapId map, MapId taken_into);
+  /// Whether what comes of the map in this epoch (0: in none that is known) is ignored.
+  bool IsRemoved(MapId map, Epoch epoch) const;
 
   /// Requests for maps that have waited for long enough; for each once a second at most.
   std::vector<SnapshotRequest> DueRequests(double now_s, ProcessId asker);
@@ -48,6 +50,8 @@ class ReplicaSet {
   bool IsEmpty(MapId map) const;
   /// Revisions that the map is behind what was announced; 0 across epochs.
   Revision Lag(MapId map) const;
+  /// Whether its owner has announced more of the map, or another epoch of it, than is here.
+  bool IsBehind(MapId map) const;
   /// Sums over all replicas.
   MapReplica::Counters counters() const;
 
@@ -70,7 +74,6 @@ class ReplicaSet {
 
   MapReplica& Replica(MapId map);
   std::shared_ptr<const KeyFrameData> FindKeyFrameData(KeyFrameId id) const;
-  bool IsRemoved(MapId map, Epoch epoch) const;
   void DropUnusedData(MapReplica* replica);
   bool IsBehind(const Map& map, const Watch& watch) const;
 

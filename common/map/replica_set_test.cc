@@ -89,12 +89,15 @@ TEST_F(ReplicaSetTest, NoticesThatTheLastDeltaIsMissing) {
   EXPECT_TRUE(set_.DueRequests(0, kAsker).empty());
   set_.Announce(a_.id(), a_.epoch(), a_.revision());
   EXPECT_EQ(set_.Lag(a_.id()), 1u);
+  EXPECT_TRUE(set_.IsBehind(a_.id()));
+  EXPECT_FALSE(set_.IsBehind(b_.id()));
   EXPECT_TRUE(set_.DueRequests(1, kAsker).empty());
   EXPECT_EQ(set_.DueRequests(1 + ReplicaSet::kAnnouncedPatienceS, kAsker).size(), 1u);
   SendData(a_, edits_a_);
   set_.AddDelta(a_.Snapshot());
   set_.ApplyPending();
   EXPECT_EQ(set_.Lag(a_.id()), 0u);
+  EXPECT_FALSE(set_.IsBehind(a_.id()));
   EXPECT_TRUE(set_.DueRequests(100, kAsker).empty());
 }
 

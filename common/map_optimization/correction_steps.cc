@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <unordered_map>
 
 namespace portolan {
@@ -16,7 +17,8 @@ struct CorrectedKeyFrame {
 
 using CorrectedKeyFrames = std::unordered_map<KeyFrameId, CorrectedKeyFrame>;
 
-Sim3d FindCorrected(const Map& map, const std::unordered_map<KeyFrameId, Sim3d>& given, const Sim3d& old_from_new, KeyFrameId id) {
+/// None where all of the correction is younger.
+std::optional<Sim3d> FindCorrected(const Map& map, const std::unordered_map<KeyFrameId, Sim3d>& given, KeyFrameId id) {
   for (KeyFrameId ancestor = id; ancestor.IsValid(); ancestor = map.keyframe(ancestor).parent) {
     const auto found = given.find(ancestor);
     if (found == given.end()) continue;
@@ -25,7 +27,7 @@ Sim3d FindCorrected(const Map& map, const std::unordered_map<KeyFrameId, Sim3d>&
         map.keyframe(id).camera_from_map * map.keyframe(ancestor).camera_from_map.Inverse();
     return Sim3d(own_from_ancestor) * found->second;
   }
-  return Sim3d(map.keyframe(id).camera_from_map) * old_from_new;  // older than all of the correction
+  return std::nullopt;
 }
 
 CorrectedKeyFrames CorrectKeyFrames(const MapCorrection& correction, const Map& map, const Sim3d& new_from_old) {
@@ -33,10 +35,13 @@ CorrectedKeyFrames CorrectKeyFrames(const MapCorrection& correction, const Map& 
   for (const auto& keyframe : correction.keyframes) given.emplace(keyframe.id, keyframe.camera_from_map);
   CorrectedKeyFrames corrected;
   for (const auto& [id, keyframe] : map.keyframes()) {
-    const Sim3d camera_from_map = FindCorrected(map, given, new_from_old.Inverse(), id);
-    corrected.emplace(id,
-                      CorrectedKeyFrame{camera_from_map, camera_from_map.Inverse() * Sim3d(keyframe.camera_from_map),
-                                        keyframe.camera_from_map.TargetOriginInSource()});
+    const Sim3d old(keyframe.camera_from_map);
+    const Eigen::Vector3d old_centre = keyframe.camera_from_map.TargetOriginInSource();
+    if (const std::optional<Sim3d> camera_from_map = FindCorrected(map, given, id)) {
+      corrected.emplace(id, CorrectedKeyFrame{*camera_from_map, camera_from_map->Inverse() * old, old_centre});
+    } else {
+      corrected.emplace(id, CorrectedKeyFrame{old * new_from_old.Inverse(), new_from_old, old_centre});
+    }
   }
   return corrected;
 }

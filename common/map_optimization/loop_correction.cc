@@ -59,7 +59,9 @@ class LoopCorrector {
       : before_(map), loop_(loop), frame_(frame), options_(options), stop_(stop), map_(map) {
     matched_side_ = Neighbourhood(map, loop.matched, options.min_common, options.max_matched_side, {loop.current});
     in_matched_side_.insert(matched_side_.begin(), matched_side_.end());
-    window_ = Neighbourhood(map, loop.current, options.min_common, options.max_window, in_matched_side_);
+    KeyFrameSet others = frame.held;
+    others.insert(matched_side_.begin(), matched_side_.end());
+    window_ = Neighbourhood(map, loop.current, options.min_common, options.max_window, others);
     in_window_.insert(window_.begin(), window_.end());
   }
 

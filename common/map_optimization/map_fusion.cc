@@ -1,7 +1,8 @@
 #include "map_optimization/map_fusion.h"
 
-#include <algorithm>
+#include <map>
 #include <optional>
+#include <set>
 #include <string>
 
 #include "base/time.h"
@@ -10,6 +11,10 @@
 
 namespace portolan {
 namespace {
+
+constexpr int kMaxFurtherWelds = 10;  // each some tenths of a second: maps of some hundred keyframes are welded all along
+constexpr double kBesideDepths = 0.3;  // median depths between two cameras that see the same things
+constexpr double kBesideRad = 0.5;
 
 using Edge = std::pair<KeyFrameId, KeyFrameId>;  // keyframe of the other map, of the map
 
@@ -79,6 +84,112 @@ Status CheckFusion(const MapCorrection& correction, const Map& other, const Map&
   return CheckDistinct(map, other);
 }
 
+/// The steps of ProposeFusion, on a copy of the map with all of the other in it.
+class FusionProposer {
+ public:
+  FusionProposer(const Map& map, const Map& other, const LoopClosure& overlap, const LoopCorrectionOptions& options)
+      : map_(map), other_(other), options_(options), joined_(map), fusion_(EmptyCorrection(map, "fusion")) {
+    fusion_.other = other.id();
+    fusion_.map_from_other = MapFromOther(map, other, overlap);
+    TakeIn(other, MoveMap(MapCorrection(), other, fusion_.map_from_other), {overlap.current, overlap.matched}, &joined_);
+    joined_.RefreshDerived();
+    frame_.kind = "fusion";
+    for (const auto& [id, keyframe] : map.keyframes()) frame_.held.insert(id);
+    for (const auto& [id, keyframe] : other.keyframes()) scales_[id] = 1 / fusion_.map_from_other.scale;
+  }
+
+  /// In the joined map the two keyframes lie to each other as the overlap says: a loop without a gap, yet to be welded.
+  Status Weld(const LoopClosure& overlap, const std::atomic<bool>* stop, StageTimes* times);
+  /// A keyframe of the other map that lies beside one of the map, sees nothing in common with it yet, and hangs on some that do.
+  std::optional<LoopClosure> FindFurther();
+  MapCorrection Take() &&;
+
+ private:
+  Rigid3d PoseInJoined(KeyFrameId id) const { return joined_.keyframe(id).camera_from_map; }
+  bool IsWelded(KeyFrameId id) const;
+  KeyFrameId FindBeside(KeyFrameId id) const;
+
+  const Map& map_;
+  const Map& other_;
+  const LoopCorrectionOptions& options_;
+  Map joined_;
+  CorrectionFrame frame_;
+  std::map<KeyFrameId, double> scales_;  // units that a keyframe has in the other map, for one of the joined map
+  std::set<KeyFrameId> tried_;
+  MapCorrection fusion_;
+};
+
+Status FusionProposer::Weld(const LoopClosure& overlap, const std::atomic<bool>* stop, StageTimes* times) {
+  tried_.insert(overlap.current);
+  LoopClosure loop = overlap;
+  loop.current_from_matched = Sim3d(PoseInJoined(overlap.current) * PoseInJoined(overlap.matched).Inverse());
+  loop.earlier_edges.insert(loop.earlier_edges.end(), fusion_.loop_edges.begin(), fusion_.loop_edges.end());
+  Result<MapCorrection> correction = CorrectLoop(joined_, loop, frame_, options_, stop, times);
+  if (!correction.ok()) return correction.error();
+  if (const auto applied = ApplyMapCorrection(*correction, &joined_); !applied.ok()) return applied.error();
+  for (const auto& keyframe : correction->keyframes) scales_[keyframe.id] *= keyframe.camera_from_map.scale;
+  const auto append = [](const auto& from, auto* to) { to->insert(to->end(), from.begin(), from.end()); };
+  append(correction->merges, &fusion_.merges);
+  append(correction->observations, &fusion_.observations);
+  append(correction->loop_edges, &fusion_.loop_edges);
+  return Ok{};
+}
+
+bool FusionProposer::IsWelded(KeyFrameId id) const {
+  for (const auto& [neighbour, common] : joined_.CovisibleKeyFrames(id, options_.min_loop_common)) {
+    if (frame_.held.count(neighbour) == 1) return true;
+  }
+  return false;
+}
+
+/// The nearest keyframe of the map that looks the same way, from as near that it should see the same things; none if none does.
+KeyFrameId FusionProposer::FindBeside(KeyFrameId id) const {
+  const Rigid3d own = PoseInJoined(id);
+  KeyFrameId nearest;
+  double least = kBesideDepths * joined_.MedianDepth(id);
+  for (const auto& [candidate, keyframe] : map_.keyframes()) {
+    const double distance = (keyframe.camera_from_map.TargetOriginInSource() - own.TargetOriginInSource()).norm();
+    if (distance >= least || keyframe.camera_from_map.rotation.angularDistance(own.rotation) > kBesideRad) continue;
+    nearest = candidate;
+    least = distance;
+  }
+  return nearest;
+}
+
+std::optional<LoopClosure> FusionProposer::FindFurther() {
+  std::optional<LoopClosure> best;
+  int most = 0;
+  for (const auto& [id, keyframe] : other_.keyframes()) {
+    if (tried_.count(id) == 1 || IsWelded(id)) continue;
+    int welded = 0;  // of its neighbours: drift from there is small
+    for (const auto& [neighbour, common] : joined_.CovisibleKeyFrames(id, options_.min_common)) {
+      if (frame_.held.count(neighbour) == 0 && IsWelded(neighbour)) welded += common;
+    }
+    if (welded <= most) continue;
+    const KeyFrameId beside = FindBeside(id);
+    if (!beside.IsValid()) continue;
+    best.emplace();
+    best->current = id;
+    best->matched = beside;
+    most = welded;
+  }
+  return best;
+}
+
+/// Keyframes and points where they have come to lie.
+MapCorrection FusionProposer::Take() && {
+  for (const auto& [id, scale] : scales_) {
+    const Rigid3d pose = PoseInJoined(id);
+    fusion_.keyframes.push_back({id, Sim3d(scale, pose.rotation, scale * pose.translation)});
+  }
+  for (const MapPointId id : joined_.SortedPointIds()) {
+    const MapPoint& point = joined_.point(id);
+    const MapPoint* before = map_.FindPoint(id);
+    if (before == nullptr || before->position_in_map != point.position_in_map) fusion_.points.push_back({id, point.position_in_map});
+  }
+  return std::move(fusion_);
+}
+
 }  // namespace
 
 Sim3d MapFromOther(const Map& map, const Map& other, const LoopClosure& overlap) {
@@ -90,26 +201,17 @@ Result<MapCorrection> ProposeFusion(const Map& map, const Map& other, const Loop
                                     const std::atomic<bool>* stop, StageTimes* times) {
   if (Status checked = CheckOverlap(map, other, overlap); !checked.ok()) return checked.error();
   const Stopwatch watch;
-  const Sim3d map_from_other = MapFromOther(map, other, overlap);
-  Map joined = map;
-  TakeIn(other, MoveMap(MapCorrection(), other, map_from_other), {overlap.current, overlap.matched}, &joined);
-  joined.RefreshDerived();
+  FusionProposer proposer(map, other, overlap, options);
   if (times != nullptr) times->Add("fusion_join", watch.Milliseconds());
-
-  // In the joined map the two keyframes lie to each other as the overlap says: a loop without a gap, yet to be welded.
-  LoopClosure loop = overlap;
-  loop.current_from_matched =
-      Sim3d(joined.keyframe(overlap.current).camera_from_map * joined.keyframe(overlap.matched).camera_from_map.Inverse());
-  CorrectionFrame frame;
-  frame.kind = "fusion";
-  for (const auto& [id, keyframe] : map.keyframes()) frame.held.insert(id);
-  Result<MapCorrection> correction = CorrectLoop(joined, loop, frame, options, stop, times);
-  if (!correction.ok()) return correction;
-  correction->other = other.id();
-  correction->map_from_other = map_from_other;
-  const Sim3d other_units_from_map_units(1 / map_from_other.scale, Eigen::Quaterniond::Identity(), Eigen::Vector3d::Zero());
-  for (auto& keyframe : correction->keyframes) keyframe.camera_from_map = other_units_from_map_units * keyframe.camera_from_map;
-  return correction;
+  if (Status welded = proposer.Weld(overlap, stop, times); !welded.ok()) return welded.error();
+  // Where the maps run side by side for longer than the window, they are welded on and on from there.
+  for (int more = 0; more < kMaxFurtherWelds; ++more) {
+    const std::optional<LoopClosure> further = proposer.FindFurther();
+    if (!further) break;
+    static_cast<void>(proposer.Weld(*further, stop, times));  // a place that can't be welded stays as the pose graph put it
+  }
+  if (stop != nullptr && stop->load(std::memory_order_relaxed)) return Error{"fusion: interrupted"};
+  return std::move(proposer).Take();
 }
 
 Result<std::vector<std::pair<MapPointId, MapPointId>>> ApplyFusion(const MapCorrection& correction, const Map& other, Map* map) {

@@ -163,6 +163,26 @@ TEST_P(MapFusionTest, DuplicatesAroundTheOverlapAreMerged) {
   EXPECT_EQ(fused.keyframe(overlap_.current).parent, overlap_.matched);
 }
 
+/// Windows are small, so that most of the way side by side is welded from keyframe to keyframe.
+TEST_P(MapFusionTest, WeldsTheMapsWhereverTheyRunSideBySide) {
+  Build(GetParam(), 0.3, 0.1);
+  options_.max_window = 6;
+  options_.max_matched_side = 6;
+  overlap_ = OverlapOf(kOtherBegin + 3, kOtherBegin + 2);
+  const auto correction = Propose();
+  ASSERT_TRUE(correction.ok()) << correction.error().message;
+  const Map fused = Fused(*correction);
+  EXPECT_THAT(ValidateMap(fused), IsEmpty());
+  for (const size_t view : {kOtherBegin + 3, kOtherBegin + 11, kMapEnd - 5}) EXPECT_GT(fused.Covisibility(id(view), id(view + 1)), 40) << view;
+  for (const auto& keyframe : correction->keyframes) {
+    const Rigid3d pose = MakeRigid(keyframe.camera_from_map);
+    EXPECT_LT((pose.translation - fused.keyframe(keyframe.id).camera_from_map.translation).norm(), 1e-9);
+  }
+  size_t wrong = 0;
+  for (const auto& [from, into] : correction->merges) wrong += from.sequence() != into.sequence();
+  EXPECT_LE(wrong, correction->merges.size() / 100);
+}
+
 TEST_P(MapFusionTest, SaysWhatItIs) {
   const auto correction = Propose();
   ASSERT_TRUE(correction.ok());

@@ -27,6 +27,7 @@ class Pipeline {
   const LoopCloser& loop_closer() const { return loop_closer_; }
 
  private:
+  void Answer(const Request& request);
   void Map(const KeyFrameMessage& message);
   void CloseLoops(LocalMapper* mapper, MapperState state);
 
