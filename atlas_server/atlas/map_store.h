@@ -25,8 +25,8 @@ namespace portolan {
 ///   keyframe(id, data)                      data: EncodeKeyFrameData, zstd
 ///   map(id, epoch, revision, state)         state: EncodeSnapshot, zstd; its keyframes are in keyframe
 ///   ownership(map, robot, epoch, owner)     of every map ever granted and not deleted
-///   link(map, other, transform)             transform: map_from_other (see LinkBlob in map_store.cc)
-///   activity(map, other, count)             the map graph's mutual activities
+///   graph_map(id), link(map, other, transform), fused(map, other, transform), activity(map, other, count)
+///                                           the map graph; transform: map_from_other (see TransformBlob in map_store.cc)
 /// Each blob has a hash over its content in it, which is verified when it is read; a blob that is damaged is left out and
 /// named. Schema 1 had no map graph; a file of it becomes one of schema 2, at once or not at all, when it is opened.
 class MapStore {
@@ -40,15 +40,23 @@ class MapStore {
   struct Link {
     MapId map, other;
     Sim3d map_from_other;
+    uint8_t origin = 0;  ///< how it was found
   };
   /// How often trackers went from one of two maps to the other (paper Sec. 6).
   struct Activity {
     MapId map, other;
     uint64_t count = 0;
   };
+  /// `other` went into `map`, and is no more.
+  struct Fused {
+    MapId map, other;
+    Sim3d map_from_other;
+  };
   struct Graph {
+    std::vector<MapId> maps;
     std::vector<Link> links;
     std::vector<Activity> activities;
+    std::vector<Fused> fused;
   };
   struct Content {
     std::vector<StoredMap> maps;               ///< by id
@@ -72,8 +80,8 @@ class MapStore {
   Status SaveOwnership(const Atlas::Ownership& ownership);
   /// Replaces the map graph as a whole.
   Status SaveGraph(const Graph& graph);
-  /// Drops a map with its ownership, its part of the map graph, and those of its keyframes that are in no other map. No
-  /// effect for a map that is not there.
+  /// Drops a map with its ownership, its part of the map graph (but not that it went into another), and those of its
+  /// keyframes that are in no other map. No effect for a map that is not there.
   Status DeleteMap(MapId id);
   /// Writes one map into a file of its own (map/map_file.h).
   Status ExportMap(MapId id, const std::string& path);
@@ -100,8 +108,9 @@ class MapStore {
   Result<KeyFrameData> ReadKeyFrame(KeyFrameId id);
   Status LoadMaps(Content* content);
   Status LoadOwnerships(Content* content);
-  Status LoadLinks(Content* content);
-  Status LoadActivities(Content* content);
+  Status LoadGraph(Content* content);
+  Status ReplaceGraph(const Graph& graph);
+  Status ForEachRow(const char* sql, const std::function<void(const SqlStatement& row)>& read);
   Error At(const Error& error) const { return Error{"atlas store '" + path_ + "': " + error.message}; }
 
   std::string path_;
