@@ -1,6 +1,9 @@
 #include "atlas/atlas.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <charconv>
 #include <utility>
 
 namespace portolan {
@@ -14,7 +17,8 @@ constexpr const char* kTrackerRole = "frontend_tracker";
 
 }  // namespace
 
-void Atlas::Restore(const std::vector<Ownership>& ownerships) {
+void Atlas::Restore(const std::vector<Ownership>& ownerships, const MapGraph& graph) {
+  graph_ = graph;
   for (const Ownership& ownership : ownerships) maps_[ownership.map] = ownership;
 }
 
@@ -26,26 +30,55 @@ void Atlas::OnRequest(const Request& request, double now_s) {
     if (!repeated && early_.size() < kMaxEarly) early_.push_back(request);
     return;
   }
-  Answer(request, now_s);
+  Handle(request, now_s);
   Decide(now_s);
 }
 
-void Atlas::Answer(const Request& request, double now_s) {
+void Atlas::Handle(const Request& request, double now_s) {
   const auto before = answers_.find(request.id);
   if (before != answers_.end()) {
     replies_.push_back(before->second);
     return;
   }
-  if (request.kind == "new_map") return Send(request, AnswerNewMap(request));
   if (request.kind == "register_mapper") {
     const bool waits = std::any_of(registrations_.begin(), registrations_.end(),
                                    [&](const auto& r) { return r.request.id == request.id; });
     if (!waits) registrations_.push_back({request, now_s});
     return;
   }
+  if (request.kind == "activate" || request.kind == "fuse" || request.kind == "locate") {
+    if (open_orders_.insert(request.id).second) orders_.push_back(request);
+    return;
+  }
+  if (std::optional<Reply> reply = TryAnswer(request, now_s)) return Send(request, std::move(*reply));
   Reply refusal;
-  refusal.reason = "unknown request '" + request.kind + "': expected new_map, register_mapper, list_maps or save";
+  refusal.reason = "unknown request '" + request.kind +
+                   "': expected new_map, enter_map, refuse_map, link_maps, locate, register_mapper, list_maps, map_graph, save, activate, "
+                   "fuse, delete_map, start_map, global_ba, pause, resume, localize_only or map_again";
   Send(request, std::move(refusal));
+}
+
+std::optional<Reply> Atlas::TryAnswer(const Request& request, double now_s) {
+  static const std::map<std::string, CommandKind> kForwarded = {{"start_map", CommandKind::kNewMap},
+                                                                {"pause", CommandKind::kPause},
+                                                                {"resume", CommandKind::kResume},
+                                                                {"localize_only", CommandKind::kLocalizeOnly},
+                                                                {"map_again", CommandKind::kMapAgain},
+                                                                {"global_ba", CommandKind::kAdjustMap}};
+  const std::string& kind = request.kind;
+  if (kind == "new_map") return AnswerNewMap(request, now_s);
+  if (kind == "enter_map") return AnswerEnterMap(request, now_s);
+  if (kind == "refuse_map") return AnswerRefuseMap(request);
+  if (kind == "link_maps") return AnswerLinkMaps(request);
+  if (kind == "delete_map") return AnswerDeleteMap(request, now_s);
+  const auto forwarded = kForwarded.find(kind);
+  if (forwarded != kForwarded.end()) return Forward(request, forwarded->second, now_s);
+  return std::nullopt;
+}
+
+void Atlas::Answer(const Request& order, Reply reply) {
+  open_orders_.erase(order.id);
+  Send(order, std::move(reply));
 }
 
 void Atlas::Send(const Request& request, Reply reply) {
@@ -59,7 +92,8 @@ void Atlas::Send(const Request& request, Reply reply) {
   answer_order_.pop_front();
 }
 
-Reply Atlas::AnswerNewMap(const Request& request) {
+/// Text: the number of maps with keyframes, for a tracker that may find itself in one of them.
+Reply Atlas::AnswerNewMap(const Request& request, double now_s) {
   Reply reply;
   if (!request.map.IsValid()) {
     reply.reason = "new_map without the map's id";
@@ -67,9 +101,114 @@ Reply Atlas::AnswerNewMap(const Request& request) {
   }
   Ownership& map = maps_[request.map];
   if (!map.map.IsValid()) map = Ownership{request.map, request.sender.robot(), 0, ProcessId()};
-  robots_[request.sender.robot()].asked_for = request.map;
+  Tracker& tracker = trackers_[request.sender];
+  tracker.asked_for = request.map;
+  tracker.last_seen_s = now_s;
+  graph_.AddNewMap(request.map, Resolve(request.other));
+  reply.ok = true;
+  reply.text = std::to_string(std::count_if(sizes_.begin(), sizes_.end(), [](const auto& size) { return size.second > 0; }));
+  return reply;
+}
+
+/// The tracker is in another map: by command, or by itself. An identity is no knowledge of where the two lie.
+Reply Atlas::AnswerEnterMap(const Request& request, double now_s) {
+  Reply reply;
+  const auto [map, map_from_asked] = graph_.Resolve(request.map);
+  if (maps_.count(map) == 0) {
+    reply.reason = "map " + ToString(request.map) + " is not known here";
+    return reply;
+  }
+  const auto [other, other_from_asked] = graph_.Resolve(request.other);
+  Tracker& tracker = trackers_[request.sender];
+  tracker = {map, MapId(), now_s};
+  moves_.push_back({request.sender, true, map, other, ""});
+  reply.ok = true;
+  if (!other.IsValid() || map == other) return reply;
+  graph_.CountSwitch(map, other);
+  const Sim3d& found = request.map_from_other;
+  const bool is_identity = found.scale == 1 && found.translation.isZero(0) && found.rotation.vec().isZero(0);
+  if (!is_identity && !graph_.FindLink(map, other))
+    LinkMaps({map, other, map_from_asked * found * other_from_asked.Inverse(), MapGraph::Origin::kEntered});
+  return reply;
+}
+
+Reply Atlas::AnswerRefuseMap(const Request& request) {
+  moves_.push_back({request.sender, false, Resolve(request.map), Resolve(request.other), request.argument});
+  Reply reply;
   reply.ok = true;
   return reply;
+}
+
+Reply Atlas::AnswerLinkMaps(const Request& request) {
+  Reply reply;
+  const auto [map, map_from_asked] = graph_.Resolve(request.map);
+  const auto [other, other_from_asked] = graph_.Resolve(request.other);
+  if (!map.IsValid() || !other.IsValid() || map == other) {
+    reply.reason = "link_maps needs two maps, got " + ToString(request.map) + " and " + ToString(request.other);
+  } else if (!IsValidSimilarity(request.map_from_other)) {
+    reply.reason = "link_maps with a similarity that is none";
+  } else {
+    LinkMaps({map, other, map_from_asked * request.map_from_other * other_from_asked.Inverse(), MapGraph::Origin::kNewMap});
+    reply.ok = true;
+  }
+  return reply;
+}
+
+Reply Atlas::AnswerDeleteMap(const Request& request, double now_s) {
+  Reply reply;
+  const std::string name = "map " + ToString(request.map);
+  if (maps_.count(request.map) == 0) {
+    reply.reason = name + " is not known here";
+  } else if (IsWanted(request.map, now_s)) {
+    reply.reason = name + " is in use: a tracker is in it or waits for it, or it is being fused";
+  } else {
+    maps_.erase(request.map);
+    sizes_.erase(request.map);
+    graph_.Remove(request.map);
+    deleted_.insert(request.map);
+    forgotten_.push_back(request.map);
+    commands_.push_back(MakeCommand(CommandKind::kForgetMap, request.map));
+    reply.ok = true;
+  }
+  return reply;
+}
+
+Reply Atlas::Forward(const Request& request, CommandKind kind, double now_s) {
+  Reply reply;
+  Command command = MakeCommand(kind, MapId());
+  if (kind == CommandKind::kAdjustMap) {
+    command.map = Resolve(request.map);
+    const auto map = maps_.find(command.map);
+    if (map == maps_.end()) {
+      reply.reason = "map " + ToString(request.map) + " is not known here";
+    } else if (map->second.owner == self_ || !IsAlive(map->second.owner, now_s)) {
+      reply.reason = "map " + ToString(request.map) + " is dormant: no mapper could change it";
+    }
+  } else if (const Result<RobotId> robot = RobotOf(request, now_s)) {
+    command.robot = *robot;
+  } else {
+    reply.reason = robot.error().message;
+  }
+  reply.ok = reply.reason.empty();
+  if (reply.ok) commands_.push_back(command);
+  return reply;
+}
+
+Result<RobotId> Atlas::RobotOf(const Request& request, double now_s) const {
+  if (const std::string& argument = request.argument; !argument.empty()) {
+    RobotId robot = 0;
+    const auto [end, error] = std::from_chars(argument.data(), argument.data() + argument.size(), robot);
+    if (error != std::errc() || end != argument.data() + argument.size()) return Error{"'" + argument + "' is no robot's number"};
+    if (TrackersOf(robot, now_s).empty()) return Error{"robot " + argument + " has no tracker"};
+    return robot;
+  }
+  if (!TrackersOf(request.sender.robot(), now_s).empty()) return request.sender.robot();
+  std::set<RobotId> robots;
+  for (const auto& [id, tracker] : trackers_) {
+    if (IsHere(tracker, now_s)) robots.insert(id.robot());
+  }
+  if (robots.size() == 1) return *robots.begin();
+  return Error{robots.empty() ? "there is no tracker" : fmt::format("there are {} robots: name one", robots.size())};
 }
 
 void Atlas::DecideRegistrations(double now_s) {
@@ -121,6 +260,8 @@ void Atlas::OnSignOfLife(ProcessId process, double now_s) {
 }
 
 void Atlas::OnEpoch(MapId map, Epoch epoch) {
+  if (deleted_.count(map) == 1 || Resolve(map) != map) return;
+  graph_.AddMap(map);
   Ownership& known = maps_[map];
   if (!known.map.IsValid()) known = Ownership{map, map.robot(), 0, ProcessId()};
   if (epoch <= known.epoch) return;
@@ -130,18 +271,42 @@ void Atlas::OnEpoch(MapId map, Epoch epoch) {
   known.owner = robot != robots_.end() && robot->second.adopted ? robot->second.mapper : ProcessId();
 }
 
+void Atlas::OnSize(MapId map, size_t keyframes) {
+  if (deleted_.count(map) == 0 && Resolve(map) == map) sizes_[map] = keyframes;
+}
+
+void Atlas::OnMapperState(const MapperState& state, double now_s) {
+  OnSignOfLife(state.process, now_s);
+  idle_[state.process] = state.idle && state.queue_depth == 0 && !state.is_refining;
+}
+
 void Atlas::OnStatus(const ProcessStatus& status, double now_s) {
   if (status.process == self_) return;
   OnSignOfLife(status.process, now_s);
   peers_[status.process].status = status;
-  if (status.role == kTrackerRole) robots_[status.process.robot()].tracked = status.map;
+  if (status.role == kTrackerRole) OnTracker(status, now_s);
   if (status.role == kMapperRole && status.map.IsValid() && status.epoch > 0) TakeUp(status);
   if (!Listening(now_s)) Decide(now_s);
+}
+
+void Atlas::OnTracker(const ProcessStatus& status, double now_s) {
+  Tracker& tracker = trackers_[status.process];
+  tracker.in = status.map;
+  if (tracker.asked_for == status.map) tracker.asked_for = MapId();
+  tracker.last_seen_s = now_s;
+  // One that is still in a map that was fused before this session has missed that.
+  const auto fused = graph_.fused().find(status.map);
+  if (fused == graph_.fused().end() || !told_fusions_.insert(status.map).second) return;
+  Command command = MakeCommand(CommandKind::kFuseMaps, fused->second.map);
+  command.other = status.map;
+  command.map_from_other = fused->second.map_from_other;
+  commands_.push_back(command);
 }
 
 /// A mapper says what it owns. In an epoch that was granted to another, it is wrong.
 void Atlas::TakeUp(const ProcessStatus& status) {
   OnEpoch(status.map, status.epoch);
+  if (maps_.count(status.map) == 0) return;
   Ownership& map = maps_[status.map];
   if (map.epoch != status.epoch || map.owner.IsValid()) return;
   map.owner = status.process;
@@ -150,7 +315,7 @@ void Atlas::TakeUp(const ProcessStatus& status) {
 
 void Atlas::OnTick(double now_s) {
   if (Listening(now_s)) return;
-  for (const Request& request : std::exchange(early_, {})) Answer(request, now_s);
+  for (const Request& request : std::exchange(early_, {})) Handle(request, now_s);
   AdoptMappers(now_s);
   Decide(now_s);
 }
@@ -174,12 +339,13 @@ void Atlas::AdoptMappers(double now_s) {
 
 void Atlas::Decide(double now_s) {
   DecideRegistrations(now_s);
-  for (auto& [id, robot] : robots_) {
-    PromoteStandby(&robot, now_s);
-    if (!robot.mapper.IsValid() || !IsAlive(robot.mapper, now_s)) continue;
-    Serve(robot, robot.asked_for, now_s);
-    Serve(robot, robot.tracked, now_s);
+  for (auto& [id, robot] : robots_) PromoteStandby(&robot, now_s);
+  for (const auto& [id, tracker] : trackers_) {
+    if (!IsHere(tracker, now_s)) continue;
+    Serve(id.robot(), Resolve(tracker.asked_for), now_s);
+    Serve(id.robot(), Resolve(tracker.in), now_s);
   }
+  PutToRest(now_s);
 }
 
 void Atlas::PromoteStandby(Robot* robot, double now_s) {
@@ -192,29 +358,124 @@ void Atlas::PromoteStandby(Robot* robot, double now_s) {
 }
 
 /// Sees to it that a wanted map has an owner who lives.
-void Atlas::Serve(const Robot& robot, MapId id, double now_s) {
+void Atlas::Serve(RobotId robot_id, MapId id, double now_s) {
+  const auto robot = robots_.find(robot_id);
   const auto map = maps_.find(id);
-  if (map == maps_.end()) return;
-  if (map->second.owner.IsValid() && IsAlive(map->second.owner, now_s)) return;
-  Grant(&map->second, robot.mapper);
+  if (robot == robots_.end() || map == maps_.end() || !robot->second.mapper.IsValid() || !IsAlive(robot->second.mapper, now_s)) return;
+  const ProcessId owner = map->second.owner;
+  if (owner.IsValid() && owner != self_ && IsAlive(owner, now_s)) return;
+  Grant(&map->second, robot->second.mapper);
 }
 
-void Atlas::Grant(Ownership* map, ProcessId owner) {
-  if (map->epoch > 0) ++takeovers_;
-  ++map->epoch;
-  map->owner = owner;
-  grants_.push_back(*map);
+bool Atlas::IsWanted(MapId map, double now_s) const {
+  if (holds_.count(map) == 1) return true;
+  return std::any_of(trackers_.begin(), trackers_.end(), [&](const auto& entry) {
+    const Tracker& tracker = entry.second;
+    return IsHere(tracker, now_s) && (Resolve(tracker.in) == map || Resolve(tracker.asked_for) == map);
+  });
+}
+
+/// Makes maps dormant that nobody wants, once their mapper has nothing left to do in them.
+void Atlas::PutToRest(double now_s) {
+  for (auto& [id, map] : maps_) {
+    if (map.epoch == 0 || map.owner == self_ || IsWanted(id, now_s)) {
+      unwanted_since_s_.erase(id);
+      continue;
+    }
+    const double unwanted_s = now_s - unwanted_since_s_.emplace(id, now_s).first->second;
+    const auto idle = idle_.find(map.owner);
+    const bool is_busy = IsAlive(map.owner, now_s) && idle != idle_.end() && !idle->second;
+    if (unwanted_s >= (is_busy ? kDormantAtLastS : kDormantAfterS)) Grant(&map, self_);
+  }
+}
+
+void Atlas::Activate(RobotId robot, MapId map, MapId other, const Sim3d& map_from_other) {
+  Command command = MakeCommand(CommandKind::kActivateMap, map);
+  command.other = other;
+  command.robot = robot;
+  command.map_from_other = map_from_other;
+  commands_.push_back(command);
+}
+
+void Atlas::LinkMaps(const MapGraph::Link& link) {
+  graph_.SetLink(link);
+  Command command = MakeCommand(CommandKind::kLinkMaps, link.map);
+  command.other = link.other;
+  command.map_from_other = link.map_from_other;
+  commands_.push_back(command);
+}
+
+void Atlas::Hold(MapId id, ProcessId owner, double now_s) {
+  const auto map = maps_.find(id);
+  if (map == maps_.end() || !IsAlive(owner, now_s)) return;
+  holds_[id] = owner;
+  if (map->second.owner != owner) Grant(&map->second, owner);
+}
+
+void Atlas::Fuse(MapId map, MapId other, const Sim3d& map_from_other) {
+  graph_.Merge(map, other, map_from_other);
+  maps_.erase(other);
+  sizes_.erase(other);
+  holds_.erase(other);
+  unwanted_since_s_.erase(other);
+  forgotten_.push_back(other);
+  told_fusions_.insert(other);
+  Command command = MakeCommand(CommandKind::kFuseMaps, map);
+  command.other = other;
+  command.map_from_other = map_from_other;
+  commands_.push_back(command);
+}
+
+Command Atlas::MakeCommand(CommandKind kind, MapId map) {
   Command command;
   command.number = ++commands_made_;
   command.sender = self_;
-  command.kind = CommandKind::kGrantOwnership;
-  command.map = map->map;
+  command.kind = kind;
+  command.map = map;
+  return command;
+}
+
+void Atlas::Grant(Ownership* map, ProcessId owner) {
+  if (map->epoch > 0 && owner != self_ && map->owner != self_) ++takeovers_;
+  ++map->epoch;
+  map->owner = owner;
+  grants_.push_back(*map);
+  Command command = MakeCommand(CommandKind::kGrantOwnership, map->map);
   command.epoch = map->epoch;
   command.owner = owner;
   commands_.push_back(command);
 }
 
+size_t Atlas::SizeOf(MapId map) const {
+  const auto size = sizes_.find(map);
+  return size == sizes_.end() ? 0 : size->second;
+}
+
+bool Atlas::IsActive(MapId map, double now_s) const { return !TrackersIn(map, now_s).empty(); }
+
+std::vector<ProcessId> Atlas::TrackersIn(MapId map, double now_s) const {
+  std::vector<ProcessId> in;
+  for (const auto& [id, tracker] : trackers_) {
+    if (IsHere(tracker, now_s) && Resolve(tracker.in) == map) in.push_back(id);
+  }
+  return in;
+}
+
+std::vector<ProcessId> Atlas::TrackersOf(RobotId robot, double now_s) const {
+  std::vector<ProcessId> of;
+  for (const auto& [id, tracker] : trackers_) {
+    if (IsHere(tracker, now_s) && id.robot() == robot) of.push_back(id);
+  }
+  return of;
+}
+
+MapId Atlas::MapOf(ProcessId id) const {
+  const auto tracker = trackers_.find(id);
+  return tracker == trackers_.end() ? MapId() : Resolve(tracker->second.in);
+}
+
 bool Atlas::IsAlive(ProcessId process, double now_s) const {
+  if (process == self_) return true;
   const auto peer = peers_.find(process);
   return peer != peers_.end() && now_s - peer->second.last_seen_s <= kAliveS;
 }

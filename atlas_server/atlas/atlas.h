@@ -5,29 +5,35 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "atlas/map_graph.h"
+#include "base/result.h"
 #include "map/protocol.h"
 
 namespace portolan {
 
-/// Which process owns which map in which epoch: the decisions of the atlas_server, as functions from what it hears to
-/// what it says. Without DDS, clock or threads; time is given in seconds of any steady clock.
+/// Which process owns which map in which epoch, where the trackers are, and how maps belong together: the decisions of the
+/// atlas_server, as functions from what it hears to what it says. Without DDS, clock or threads; time is given in seconds of
+/// any steady clock.
 ///
 ///   Atlas atlas(my_process, now_s);
-///   atlas.Restore(store.ownerships());
+///   atlas.Restore(store.ownerships(), graph);
 ///   atlas.OnRequest(request, now_s); atlas.OnStatus(status, now_s); atlas.OnTick(now_s);
 ///   for (const Atlas::Ownership& o : atlas.TakeGrants()) store.SaveOwnership(o);   // before anybody hears of it
 ///   publish(atlas.TakeCommands()); publish(atlas.TakeReplies());
+///   for (const Atlas::Move& move : atlas.TakeMoves()) joiner.OnMove(move, now_s);
 ///
 /// The rules:
 /// - A robot has one mapper at a time: the first that registers. Another is refused as soon as that one shows that it
 /// lives, unless it registers as
 ///   "standby" (argument of the request); when the mapper dies, a standby or whoever registers next has its place.
-/// - A map that a tracker asks for is granted to its robot's mapper, once there is one. A robot's wanted maps (the one
-/// asked for last, the one its
-///   tracker is in) pass on to the robot's mapper when their owner is dead. Each grant is in the next epoch; an epoch
-///   never falls.
+/// - A map that a tracker asks for is granted to its robot's mapper, once there is one. A tracker's wanted maps (the one
+/// it asked for last, the one it is in) pass on to its robot's mapper when their owner is dead. Each grant is in the next
+/// epoch; an epoch never falls.
+/// - A map in which no tracker is and that none waits for is dormant: this process owns it, from the moment on that its
+/// mapper has nothing left to do in it. A tracker that is silent for kGoneS is gone.
 /// - Processes that were here before the atlas_server: it listens for kListenS before it decides anything, and takes up
 /// what their statuses tell.
 class Atlas {
@@ -40,13 +46,25 @@ class Atlas {
     ProcessId owner;
   };
 
+  /// What a tracker said of a map: that it is in it now, or why it did not go there.
+  struct Move {
+    ProcessId tracker;
+    bool entered = false;
+    MapId map, other;  ///< other: where it was (may be none)
+    std::string reason;
+  };
+
   Atlas(ProcessId self, double start_s) : self_(self), start_s_(start_s) {}
 
-  /// What an earlier atlas_server granted.
-  void Restore(const std::vector<Ownership>& ownerships);
+  /// What an earlier atlas_server granted and knew.
+  void Restore(const std::vector<Ownership>& ownerships, const MapGraph& graph = MapGraph());
 
+  /// Answers, but for "activate", "fuse" and "locate": see TakeOrders().
   void OnRequest(const Request& request, double now_s);
   void OnStatus(const ProcessStatus& status, double now_s);
+  void OnMapperState(const MapperState& state, double now_s);
+  /// A map has so many keyframes.
+  void OnSize(MapId map, size_t keyframes);
   /// Any other message of a process shows that it lives.
   void OnSignOfLife(ProcessId process, double now_s);
   /// A map was seen in this epoch (in a delta): later grants are above it.
@@ -58,8 +76,39 @@ class Atlas {
   std::vector<Ownership> TakeGrants();
   std::vector<Command> TakeCommands();
   std::vector<Reply> TakeReplies();
+  std::vector<Move> TakeMoves() { return std::exchange(moves_, {}); }
+  /// Requests that someone else answers, with Answer(): each comes once, however often it is repeated.
+  std::vector<Request> TakeOrders() { return std::exchange(orders_, {}); }
+  void Answer(const Request& order, Reply reply);
+  /// Maps that were deleted on request or, fused, are no more.
+  std::vector<MapId> TakeForgotten() { return std::exchange(forgotten_, {}); }
+
+  // What the joiner decides.
+  /// The tracker of a robot is to go on in `map`. @param other where it is; none: nowhere.
+  void Activate(RobotId robot, MapId map, MapId other, const Sim3d& map_from_other);
+  /// Stores and publishes where two maps lie to each other.
+  void LinkMaps(const MapGraph::Link& link);
+  /// Gives a map to a mapper, and leaves it there until released.
+  void Hold(MapId map, ProcessId owner, double now_s);
+  void Release(MapId map) { holds_.erase(map); }
+  /// `other` went into `map`.
+  void Fuse(MapId map, MapId other, const Sim3d& map_from_other);
 
   const std::map<MapId, Ownership>& maps() const { return maps_; }
+  const MapGraph& graph() const { return graph_; }
+  /// Where a map's keyframes are now, if it was fused.
+  MapId Resolve(MapId map) const { return graph_.Resolve(map).first; }
+  size_t SizeOf(MapId map) const;
+  /// Whether a tracker is in it.
+  bool IsActive(MapId map, double now_s) const;
+  /// In the map, and not gone; by id.
+  std::vector<ProcessId> TrackersIn(MapId map, double now_s) const;
+  /// Trackers of a robot that are not gone; by id.
+  std::vector<ProcessId> TrackersOf(RobotId robot, double now_s) const;
+  /// Where a tracker is, as far as it told; none if unknown.
+  MapId MapOf(ProcessId tracker) const;
+  /// The robot that a request is about: its argument, else the sender's if it has a tracker, else the only one that has.
+  Result<RobotId> RobotOf(const Request& request, double now_s) const;
   bool IsAlive(ProcessId process, double now_s) const;
   /// Requests that wait: for a map without a mapper, or to register while another may live.
   size_t num_pending() const;
@@ -72,6 +121,12 @@ class Atlas {
   /// A mapper repeats its registration each second until it is answered: one that keeps silent about it for so long has
   /// been registered before.
   static constexpr double kAdoptAfterS = 2.5;
+  /// A tracker that is silent for so long is gone: its maps are not held for it.
+  static constexpr double kGoneS = 5.0;
+  /// A map that nobody wants is left to its mapper for a moment, which may have keyframes of it in its queue, ...
+  static constexpr double kDormantAfterS = 1.0;
+  /// ... and for so long at most, if that does not come to rest.
+  static constexpr double kDormantAtLastS = 10.0;
 
  private:
   struct Peer {
@@ -83,8 +138,11 @@ class Atlas {
     bool adopted =
         false;  ///< the mapper was here before this atlas_server, and may own maps of which nobody has told yet
     std::vector<ProcessId> standbys;  ///< in the order of their registration
-    MapId asked_for;                  ///< last
-    MapId tracked;
+  };
+  struct Tracker {
+    MapId in;         ///< as its status tells, or its last enter_map
+    MapId asked_for;  ///< a new map that it is not in yet
+    double last_seen_s = 0;
   };
 
   /// A request whose answer depends on whether another mapper lives.
@@ -93,16 +151,27 @@ class Atlas {
     double since_s = 0;
   };
 
-  void Answer(const Request& request, double now_s);
-  Reply AnswerNewMap(const Request& request);
+  void Handle(const Request& request, double now_s);
+  std::optional<Reply> TryAnswer(const Request& request, double now_s);
+  Reply AnswerNewMap(const Request& request, double now_s);
+  Reply AnswerEnterMap(const Request& request, double now_s);
+  Reply AnswerRefuseMap(const Request& request);
+  Reply AnswerLinkMaps(const Request& request);
+  Reply AnswerDeleteMap(const Request& request, double now_s);
+  Reply Forward(const Request& request, CommandKind kind, double now_s);
   std::optional<Reply> AnswerRegistration(const Registration& registration, double now_s);
   void DecideRegistrations(double now_s);
   std::string Describe(ProcessId process) const;
   void TakeUp(const ProcessStatus& status);
+  void OnTracker(const ProcessStatus& status, double now_s);
   void AdoptMappers(double now_s);
   void PromoteStandby(Robot* robot, double now_s);
-  void Serve(const Robot& robot, MapId map, double now_s);
+  void Serve(RobotId robot, MapId map, double now_s);
+  void PutToRest(double now_s);
+  bool IsWanted(MapId map, double now_s) const;
+  bool IsHere(const Tracker& tracker, double now_s) const { return now_s - tracker.last_seen_s <= kGoneS; }
   void Decide(double now_s);
+  Command MakeCommand(CommandKind kind, MapId map);
   void Grant(Ownership* map, ProcessId owner);
   void Send(const Request& request, Reply reply);
   bool Listening(double now_s) const { return now_s - start_s_ < kListenS; }
@@ -112,6 +181,14 @@ class Atlas {
   std::map<MapId, Ownership> maps_;
   std::map<ProcessId, Peer> peers_;
   std::map<RobotId, Robot> robots_;
+  std::map<ProcessId, Tracker> trackers_;
+  std::map<ProcessId, bool> idle_;         // mappers
+  MapGraph graph_;
+  std::map<MapId, size_t> sizes_;          // keyframes
+  std::map<MapId, ProcessId> holds_;
+  std::map<MapId, double> unwanted_since_s_;
+  std::set<MapId> deleted_;                // what still comes of them is late
+  std::set<MapId> told_fusions_;           // maps whose fusion was published by this session
   std::set<ProcessId> registered_;  // processes whose registration was answered, either way
   std::vector<Request> early_;      // came while listening
   std::vector<Registration> registrations_;
@@ -121,6 +198,10 @@ class Atlas {
   std::vector<Ownership> grants_;
   std::vector<Command> commands_;
   std::vector<Reply> replies_;
+  std::vector<Move> moves_;
+  std::vector<Request> orders_;
+  std::set<RequestId> open_orders_;
+  std::vector<MapId> forgotten_;
 };
 
 }  // namespace portolan

@@ -19,6 +19,7 @@ std::map<KeyFrameId, double> ScoreKeyFrames(const BowVector& bow, const KeyFrame
   if (shared.empty()) return scores;
   const double min_words = options.min_shared_words * shared.front().words;
   for (const SharedWords& s : shared) {
+    if (options.most_scored > 0 && scores.size() == options.most_scored) break;
     if (s.words >= min_words) scores[s.keyframe] = s.score;
   }
   return scores;

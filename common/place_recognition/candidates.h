@@ -12,6 +12,7 @@ struct CandidateOptions {
   double min_score = 0.75;        ///< of the best accumulated score (paper Sec. 5)
   size_t neighbours = 10;         ///< covisible keyframes over which scores are accumulated
   size_t most = 10;               ///< candidates returned
+  size_t most_scored = 0;         ///< keyframes with the most shared words whose scores are accumulated: bounds the time (0: all)
 };
 
 struct Candidate {

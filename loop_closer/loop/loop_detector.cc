@@ -3,9 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 
 #include "base/time.h"
+#include "place_recognition/place_agreement.h"
 
 namespace portolan {
 namespace {
@@ -138,13 +138,9 @@ std::optional<std::string> LoopDetector::FindImplausible(const Map& map, const D
 }
 
 bool LoopDetector::Agree(const Map& map, const DetectedLoop& a, const DetectedLoop& b) const {
-  const Sim3d a_from_b = a.corrected_from_map * b.corrected_from_map.Inverse();
-  if (std::abs(std::log(a_from_b.scale)) > std::log1p(options_.max_scale_difference)) return false;
-  const double degrees = a_from_b.rotation.angularDistance(Eigen::Quaterniond::Identity()) * 180 / M_PI;
-  if (degrees > options_.max_rotation_difference_deg) return false;
+  const PlaceAgreementOptions options{options_.max_scale_difference, options_.max_rotation_difference_deg, options_.max_distance_difference};
   const Eigen::Vector3d centre = map.keyframe(a.current).camera_from_map.TargetOriginInSource();
-  const double apart = (a.corrected_from_map * centre - b.corrected_from_map * centre).norm();
-  return apart <= options_.max_distance_difference * a.corrected_from_map.scale * map.MedianDepth(a.current);
+  return portolan::Agree(a.corrected_from_map, b.corrected_from_map, centre, map.MedianDepth(a.current), options);
 }
 
 void LoopDetector::Confirm(const Map& map, const DetectedLoop& confirmed, LoopDetection* detection) {
