@@ -354,7 +354,7 @@ Status MapStore::LoadGraph(Content* content) {
     link.other = MapId(row.Integer(1));
     const std::optional<uint8_t> origin = ReadTransformBlob(row.Blob(2), &link);
     if (!origin) return note_damage("link", link.map, link.other);
-    link.origin = static_cast<decltype(link.origin)>(*origin);
+    link.origin = static_cast<MapGraph::Origin>(*origin);
     graph.links.push_back(link);
   });
   if (!read) return read;

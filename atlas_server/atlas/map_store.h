@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "atlas/atlas.h"
+#include "atlas/map_graph.h"
 #include "atlas/sqlite.h"
-#include "geometry/sim3.h"
 #include "map/keyframe.h"
 #include "map/map_delta.h"
 #include "map/map_file.h"
@@ -36,28 +36,10 @@ class MapStore {
   static Result<std::unique_ptr<MapStore>> Open(const std::string& path);
 
   using StoredMap = portolan::StoredMap;
-  /// Where two maps lie to each other.
-  struct Link {
-    MapId map, other;
-    Sim3d map_from_other;
-    uint8_t origin = 0;  ///< how it was found
-  };
-  /// How often trackers went from one of two maps to the other (paper Sec. 6).
-  struct Activity {
-    MapId map, other;
-    uint64_t count = 0;
-  };
-  /// `other` went into `map`, and is no more.
-  struct Fused {
-    MapId map, other;
-    Sim3d map_from_other;
-  };
-  struct Graph {
-    std::vector<MapId> maps;
-    std::vector<Link> links;
-    std::vector<Activity> activities;
-    std::vector<Fused> fused;
-  };
+  using Link = MapGraph::Link;
+  using Activity = MapGraph::Activity;
+  using Fused = MapGraph::Fused;
+  using Graph = MapGraph::State;
   struct Content {
     std::vector<StoredMap> maps;               ///< by id
     std::vector<Atlas::Ownership> ownerships;  ///< by map

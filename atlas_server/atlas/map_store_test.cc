@@ -253,7 +253,7 @@ MapStore::Graph MakeGraph() {
   MapStore::Graph graph;
   graph.maps = {a, b, c};
   graph.links = {{a, b, first, {}}, {a, c, first.Inverse(), {}}};
-  graph.links[1].origin = static_cast<decltype(graph.links[1].origin)>(2);
+  graph.links[1].origin = MapGraph::Origin::kEntered;
   graph.activities = {{a, b, 3}, {b, c, 1}};
   graph.fused = {{a, MapId(40000, 1, 7), first}};
   return graph;
