@@ -160,13 +160,37 @@ TEST_F(MapShelfTest, OverlapsAreFoundInMapsWhoseDescriptorsAreInTheFile) {
   EXPECT_GT(shelf.loads(), 0u);
 }
 
-TEST_F(MapShelfTest, StoredMapsComeWithWordsAlone) {
+/// A new owner begins with a snapshot.
+TEST_F(MapShelfTest, PointsKeepTheirDescriptorsThroughASnapshot) {
+  options_.newest = 0;
   MapShelf shelf = MakeShelf();
-  for (const auto& [id, keyframe] : maps_.first.keyframes()) shelf.AddStored(maps_.first.id(), Sent(keyframe));
+  Follow(maps_.first, &shelf);
+  Store(maps_.first, &shelf);
+  shelf.Trim();
+  Map next = maps_.first;
+  next.SetEpoch(2);
+  shelf.replicas().AddDelta(next.Snapshot());
+  ASSERT_EQ(shelf.ApplyPending().size(), 1u);
+  const Map& map = *shelf.FindMap(maps_.first.id());
+  EXPECT_EQ(map.epoch(), 2u);
+  for (const auto& [id, point] : maps_.first.points()) EXPECT_EQ(map.point(id).descriptor, point.descriptor) << id;
+}
+
+TEST_F(MapShelfTest, PointsWithoutDescriptorsGetThemWithAKeyFrames) {
+  options_.newest = 0;
+  MapShelf shelf = MakeShelf();
+  for (const auto& [id, keyframe] : maps_.first.keyframes()) shelf.AddKeyFrame(maps_.first.id(), Sent(keyframe));
+  Store(maps_.first, &shelf);
+  shelf.Trim();  // before any of them is in the map
   shelf.replicas().AddDelta(maps_.first.Snapshot());
   shelf.ApplyPending();
-  EXPECT_EQ(shelf.indexed_keyframes(), 20u);
-  EXPECT_EQ(shelf.num_appearances(), 0u);
+  const Map& map = *shelf.FindMap(maps_.first.id());
+  const KeyFrameId id = maps_.passes.first.views[4].data->id;
+  const MapPointId landmark = *map.keyframe(id).landmarks.begin();
+  EXPECT_EQ(map.point(landmark).descriptor, Descriptor());
+  shelf.BeginEvent();
+  shelf.EnsureAppearance(map, {id});
+  EXPECT_NE(map.point(landmark).descriptor, Descriptor());
 }
 
 TEST_F(MapShelfTest, AFusedMapsKeyFramesGoOnInTheOther) {
