@@ -163,6 +163,13 @@ TEST_F(MapJoinerTest, ASmallMapIsFused) {
 TEST_F(MapJoinerTest, AFusionThatTheMapperRefusesLeavesBothMaps) {
   StartInNewMap(60, 20);
   SeeOverlap(3, kNew, kOld);
+  MapCorrection first = Propose(*NextFusion());
+  AnswerFusion(first, "made from another epoch");
+  EXPECT_THAT(joiner_.records(), IsEmpty()) << "it is proposed anew";
+  AnswerFusion(first, "made from another epoch");  // told again
+  const MapCorrection second = Propose(*NextFusion());
+  EXPECT_EQ(second.number, 2u);
+  AnswerFusion(second, "made from another epoch");
   AnswerFusion(Propose(*NextFusion()), "made from another epoch");
   EXPECT_THAT(joiner_.records().at(0).problem, HasSubstr("made from another epoch"));
   EXPECT_THAT(Commands(CommandKind::kFuseMaps), IsEmpty());
