@@ -54,7 +54,7 @@ struct JoinRecord {
 ///   if (auto correction = joiner.TakeCorrection()) publish it;
 class MapJoiner {
  public:
-  MapJoiner(ProcessId self, const JoinOptions& options, Atlas* atlas) : self_(self), options_(options), atlas_(*atlas) {}
+  MapJoiner(ProcessId self, const JoinOptions& options, Atlas* atlas) : self_(self), options_(options), atlas_(atlas) {}
 
   /// A keyframe of the robot's map was looked at: time, for retries.
   void OnKeyFrame(MapId map) { ++keyframes_[map]; }
@@ -119,7 +119,7 @@ class MapJoiner {
 
   ProcessId self_;
   JoinOptions options_;
-  Atlas& atlas_;
+  Atlas* atlas_;
   Proposals proposals_;
   std::map<MapId, uint64_t> keyframes_;                            // looked at
   std::map<std::pair<MapId, MapId>, uint64_t> blocked_until_;      // (current, other): count of keyframes_
