@@ -239,7 +239,11 @@ class RobotsTest(RunTest):
         super().setUp()
         self.other_data = self.folder / "other_data"
         self.other_data.mkdir()
-        self.behaviour["frontend_tracker"]["others"] = 2  # of five back ends
+        # Six bytes of five back ends, three for each frontend: when both end, all are up.
+        self.behaviour["atlas_server"]["announce"] = 2
+        self.behaviour["frontend_tracker"]["others"] = 3
+        # Held open, so that what was said stays in it from one frontend's end to the other's start.
+        self.addCleanup(os.close, os.open(self.up, os.O_RDWR))
 
     def run_two(self, *arguments):
         return self.run_to_end("--robots", "2", "--data", str(self.other_data), *arguments)
@@ -291,7 +295,7 @@ class RobotsTest(RunTest):
     def test_interrupt_before_the_second_robots_start(self):
         self.behaviour["frontend_tracker"] = {"announce": True, "wait": "signal", "code": 130, "report": FRONTEND_REPORT}
         process = self.start("--robots", "2", "--data", str(self.other_data), "--start-offset", "600")
-        self.wait_until_up(4)
+        self.wait_until_up(5)
         process.send_signal(signal.SIGINT)
         process.communicate(timeout=TIMEOUT_S)
         self.assertEqual(process.returncode, 130)
