@@ -69,6 +69,8 @@ class Atlas {
   void OnSignOfLife(ProcessId process, double now_s);
   /// A map was seen in this epoch (in a delta): later grants are above it.
   void OnEpoch(MapId map, Epoch epoch);
+  /// A map that came from a file: it is dormant from now on, in an epoch above that.
+  void Adopt(MapId map, Epoch epoch);
   /// A few times a second: what follows from silence.
   void OnTick(double now_s);
 
@@ -80,8 +82,8 @@ class Atlas {
   /// Requests that someone else answers, with Answer(): each comes once, however often it is repeated.
   std::vector<Request> TakeOrders() { return std::exchange(orders_, {}); }
   void Answer(const Request& order, Reply reply);
-  /// Maps that were deleted on request or, fused, are no more.
-  std::vector<MapId> TakeForgotten() { return std::exchange(forgotten_, {}); }
+  /// Maps that were deleted on request.
+  std::vector<MapId> TakeDeleted() { return std::exchange(just_deleted_, {}); }
 
   // What the joiner decides.
   /// The tracker of a robot is to go on in `map`. @param other where it is; none: nowhere.
@@ -201,7 +203,7 @@ class Atlas {
   std::vector<Move> moves_;
   std::vector<Request> orders_;
   std::set<RequestId> open_orders_;
-  std::vector<MapId> forgotten_;
+  std::vector<MapId> just_deleted_;
 };
 
 }  // namespace portolan

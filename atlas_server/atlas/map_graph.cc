@@ -20,10 +20,13 @@ bool IsValidSimilarity(const Sim3d& similarity) {
 }
 
 MapGraph::MapGraph(const State& state) {
-  for (const MapId map : state.maps) AddMap(map);
   for (const Fused& fused : state.fused) {
-    if (maps_.count(fused.map) == 1 && maps_.count(fused.other) == 0 && IsValidSimilarity(fused.map_from_other)) fused_[fused.other] = fused;
+    if (fused.map != fused.other && fused.map.IsValid() && IsValidSimilarity(fused.map_from_other)) fused_[fused.other] = fused;
   }
+  for (auto next = fused_.begin(); next != fused_.end();)
+    next = fused_.count(next->second.map) == 1 ? fused_.erase(next) : std::next(next);  // a chain is no state of this class
+  for (const auto& [other, fused] : fused_) AddMap(fused.map);
+  for (const MapId map : state.maps) AddMap(map);
   for (const Link& link : state.links) {
     if (fused_.count(link.map) == 0 && fused_.count(link.other) == 0) SetLink(link);
   }

@@ -59,6 +59,7 @@ class MapGraph {
   uint64_t version() const { return version_; }
 
   const std::set<MapId>& maps() const { return maps_; }
+  size_t num_links() const { return links_.size(); }
   void AddMap(MapId map);
   /// A map begun where another ended, which may be none.
   void AddNewMap(MapId map, MapId adjacent);

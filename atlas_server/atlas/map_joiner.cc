@@ -198,7 +198,15 @@ void MapJoiner::OnMapperState(const MapperState& state, double now_s) {
     return p.stage == Stage::kProposed && p.number == state.correction_number;
   });
   if (proposal == proposals_.end()) return;
-  if (!state.correction_refusal.empty()) return Finish(proposal, "refused by the mapper: " + state.correction_refusal, now_s);
+  if (!state.correction_refusal.empty()) {
+    // Mostly because the map was corrected since: then it is proposed anew from what it is now.
+    if (++proposal->refusals >= options_.max_proposals) return Finish(proposal, "refused by the mapper: " + state.correction_refusal, now_s);
+    spdlog::info("fusion of map {} and map {} refused by the mapper, proposed anew: {}", ToString(proposal->map), ToString(proposal->other),
+                 state.correction_refusal);
+    proposal->stage = Stage::kGathering;
+    proposal->since_s = now_s;
+    return;
+  }
   const MapId map = proposal->map, other = proposal->other;
   atlas_.Fuse(map, other, proposal->map_from_other);
   done_.push_back({map, other, state.map == map ? state.revision : 0});

@@ -30,6 +30,14 @@ class MapSaver {
   /// Keyframes stored since the last call, with the map they were stored for: their appearance need not be kept in memory.
   std::vector<std::pair<MapId, KeyFrameId>> TakeStored() { return std::exchange(stored_, {}); }
 
+  /// Whether a state of the map from this revision on is stored.
+  bool HasSaved(MapId map, Revision revision) const {
+    const auto saved = saved_.find(map);
+    return saved != saved_.end() && saved->second.state.second >= revision;
+  }
+  /// The map is no more.
+  void Forget(MapId map) { saved_.erase(map); }
+
   /// Whether the newest state of every map is stored.
   bool IsComplete(const std::map<MapId, MapReplica>& replicas) const;
 

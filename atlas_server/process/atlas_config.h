@@ -2,7 +2,12 @@
 
 #include <string>
 
+#include "atlas/map_joiner.h"
+#include "atlas/map_shelf.h"
+#include "atlas/overlap_detector.h"
+#include "atlas/place_locator.h"
 #include "base/config_reader.h"
+#include "map_optimization/loop_correction.h"
 
 namespace portolan {
 
@@ -11,6 +16,13 @@ struct AtlasOptions {
       store;  ///< file of the atlas; empty: atlas.db in the output folder, if there is one; "none": nothing is stored
   double store_interval_s = 3;  ///< between two stored states of a map: what a crash of all processes costs at most,
                                 ///< besides the keyframes themselves
+  bool join_maps = true;  ///< off: maps are followed, granted and stored, and overlaps are not looked for
+  int max_waiting = 5;    ///< keyframes of a robot that wait to be looked up; of more the newest
+  ShelfOptions shelf;
+  OverlapOptions overlap;
+  JoinOptions join;
+  LocatorOptions locator;
+  LoopCorrectionOptions fusion;
 };
 
 /// Reads the section atlas.

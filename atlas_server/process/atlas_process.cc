@@ -3,22 +3,23 @@
 #include <set>
 #include <utility>
 
-#include "base/hash.h"
+#include "map/map_file.h"
 #include "messages/limits.h"
-#include "process/process_report.h"
 
 namespace portolan {
 namespace {
 
 constexpr double kStatusPeriodS = 1.0;
 constexpr double kTickPeriodS = 0.15;  // well within the liveliness lease of 500 ms
+constexpr int kBackgroundNiceSteps = 2;  // a robot may wait for a fusion
+constexpr size_t kMaxQueries = 16;       // of lost trackers, one a second each
 
 }  // namespace
 
-AtlasProcess::AtlasProcess(const ProcessSetup& setup, const AtlasOptions& options, uint64_t vocabulary_hash,
-                           MapStore* store, Bus* bus, const std::string& priority, ProcessLoop* loop)
+AtlasProcess::AtlasProcess(const ProcessSetup& setup, const AtlasOptions& options,
+                           std::shared_ptr<const Vocabulary> vocabulary, MapStore* store, Bus* bus, const std::string& priority, ProcessLoop* loop)
     : setup_(setup),
-      vocabulary_hash_(vocabulary_hash),
+      vocabulary_hash_(vocabulary->hash()),
       store_(store),
       bus_(bus),
       priority_(priority),
@@ -29,7 +30,15 @@ AtlasProcess::AtlasProcess(const ProcessSetup& setup, const AtlasOptions& option
       keyframe_writer_(bus->CreateWriter<KeyFrameMessage>()),
       delta_writer_(bus->CreateWriter<MapDeltaChunk>()),
       snapshot_writer_(bus->CreateWriter<SnapshotRequest>()),
-      atlas_(setup.process, Now()) {
+      correction_writer_(bus->CreateWriter<MapCorrection>()),
+      follower_writer_(bus->CreateWriter<FollowerState>()),
+      options_(options),
+      atlas_(setup.process, Now()),
+      shelf_(options.shelf, std::move(vocabulary),
+             store == nullptr ? MapShelf::Load() : [store](KeyFrameId id) { return store->LoadKeyFrame(id); }),
+      detector_(options.overlap),
+      joiner_(setup.process, options.join, &atlas_),
+      background_(loop, kBackgroundNiceSteps) {
   if (store_ != nullptr) saver_.emplace(store_, options.store_interval_s);
 }
 
@@ -42,22 +51,28 @@ Status AtlasProcess::LoadStore() {
   Result<MapStore::Content> content = store_->Load();
   if (!content) return content.error();
   for (const std::string& problem : content->problems) spdlog::error("{}", problem);
-  atlas_.Restore(content->ownerships);
+  atlas_.Restore(content->ownerships, MapGraph(content->graph));
+  saved_graph_ = atlas_.graph().version();
   for (MapStore::StoredMap& stored : content->maps) {
     const MapDelta& snapshot = stored.snapshot;
-    for (const KeyFrameData& data : stored.keyframes)
-      replicas_.AddKeyFrameData(snapshot.map, WithoutAppearance(data));
+    for (KeyFrameData& data : stored.keyframes) {
+      const KeyFrameId id = data.id;
+      shelf_.AddKeyFrame(snapshot.map, std::move(data));
+      shelf_.OnStored(id);
+    }
     atlas_.OnEpoch(snapshot.map, snapshot.epoch);
-    replicas_.AddDelta(std::move(stored.snapshot));
+    shelf_.replicas().AddDelta(std::move(stored.snapshot));
+    shelf_.ApplyPending();  // the points take their descriptors
+    shelf_.Trim();
     status_.AssertLiveliness();
   }
-  replicas_.ApplyPending();
-  for (const auto& [id, replica] : replicas_.replicas()) {
+  for (const auto& [id, replica] : shelf_.maps()) {
     if (replica.NeedsSnapshot()) {
       spdlog::error("atlas store '{}': map {} is no valid map and left out: {}", store_->path(), ToString(id),
                     replica.last_problem());
     } else {
       saver_->Restore(id, replica.map().epoch(), replica.map().revision());
+      atlas_.OnSize(id, replica.map().keyframes().size());
     }
   }
   const Totals totals = CountTotals();
@@ -93,13 +108,16 @@ int AtlasProcess::Run() {
 void AtlasProcess::OnStatus(const ProcessStatus& status) {
   if (status.process == setup_.process) return;
   atlas_.OnStatus(status, Now());
-  if (status.map.IsValid()) replicas_.Announce(status.map, status.epoch, status.revision);
-  PublishDecisions();
+  if (status.map.IsValid() && status.epoch > 0) shelf_.replicas().Announce(status.map, status.epoch, status.revision);
+  Continue();
 }
 
 void AtlasProcess::OnMapperState(const MapperState& state) {
-  atlas_.OnSignOfLife(state.process, Now());
-  if (state.map.IsValid()) replicas_.Announce(state.map, state.epoch, state.revision);
+  if (state.map.IsValid()) shelf_.replicas().Announce(state.map, state.epoch, state.revision);
+  atlas_.OnMapperState(state, Now());
+  joiner_.OnMapperState(state, Now());
+  QueueKeyFrame(state);
+  Continue();
 }
 
 void AtlasProcess::OnKeyFrame(const KeyFrameMessage& message) {
@@ -110,43 +128,119 @@ void AtlasProcess::OnKeyFrame(const KeyFrameMessage& message) {
     }
     return;
   }
+  if (message.kind == KeyFrameKind::kQuery) {
+    queries_.push_back(message.data);
+    if (queries_.size() > kMaxQueries) queries_.pop_front();
+    return Continue();
+  }
   if (!message.map.IsValid()) return;
-  // As it came, or less: nothing here looks for places or features.
-  const bool stored = store_ != nullptr && store_->HasKeyFrame(message.data.id);
-  replicas_.AddKeyFrameData(
-      message.map, stored ? WithoutAppearance(message.data) : std::make_shared<const KeyFrameData>(message.data));
-  ApplyPending();
+  const Stopwatch stopwatch;
+  shelf_.AddKeyFrame(atlas_.Resolve(message.map), message.data);
+  if (store_ != nullptr && store_->HasKeyFrame(message.data.id)) shelf_.OnStored(message.data.id);
+  times_.Add("keyframe_words", stopwatch.Milliseconds());
+  Continue();
 }
 
 void AtlasProcess::OnDeltaChunk(const MapDeltaChunk& chunk) {
   atlas_.OnEpoch(chunk.part.map, chunk.part.epoch);
-  replicas_.AddChunk(chunk);
-  ApplyPending();
+  shelf_.replicas().AddChunk(chunk);
+  Continue();
 }
 
 void AtlasProcess::ApplyPending() {
   const Stopwatch stopwatch;
-  const std::vector<MapDelta> applied = replicas_.ApplyPending();
+  const std::vector<MapDelta> applied = shelf_.ApplyPending();
   if (applied.empty()) return;
   last_map_ = applied.back().map;
+  for (const MapDelta& delta : applied) atlas_.OnSize(delta.map, shelf_.maps().at(delta.map).map().keyframes().size());
   times_.Add("apply", stopwatch.Milliseconds());
 }
 
-void AtlasProcess::OnRequest(const Request& request) {
-  if (request.kind == "list_maps" || request.kind == "save") {
-    Reply reply = request.kind == "save" ? SaveOnRequest() : ListMaps();
-    reply.id = request.id;
-    reply.sender = setup_.process;
-    reply_writer_->Write(reply);
-    return;
-  }
-  atlas_.OnRequest(request, Now());
+void AtlasProcess::Continue() {
+  ApplyPending();
+  TakeUpFusions();
   PublishDecisions();
+  // A keyframe at a time: what waits behind it, timers among them, gets its turn.
+  if (LookUpNext()) loop_->Post([this] { Continue(); });
+  ContinueSearches();
+  StartFusion();
+  PublishDecisions();
+  PublishFollowers(false);
+}
+
+void AtlasProcess::OnRequest(const Request& request) {
+  std::optional<Reply> reply;
+  if (request.kind == "save") reply = SaveOnRequest();
+  if (request.kind == "list_maps") reply = ListMaps();
+  if (request.kind == "map_graph") reply = DescribeGraph(request.argument);
+  if (request.kind == "import_map") reply = ImportMaps(request);
+  if (!reply) {
+    atlas_.OnRequest(request, Now());
+    return Continue();
+  }
+  reply->id = request.id;
+  reply->sender = setup_.process;
+  reply_writer_->Write(*reply);
+}
+
+/// Takes the maps of a file in, all or none: as dormant maps. Asked for again, because the answer was lost, it says the same.
+Reply AtlasProcess::ImportMaps(const Request& request) {
+  Reply reply;
+  if (const auto imported = imports_.find(request.id); imported != imports_.end()) {
+    reply.ok = true;
+    reply.text = imported->second;
+    return reply;
+  }
+  Result<std::vector<StoredMap>> maps = ReadMapFile(request.argument);
+  if (!maps) {
+    reply.reason = maps.error().message;
+    return reply;
+  }
+  for (const StoredMap& map : *maps) {
+    const MapId id = map.snapshot.map;
+    const Result<Map> restored = RestoreMap(map, nullptr);
+    if (!restored) {
+      reply.reason = request.argument + ": map " + ToString(id) + ": " + restored.error().message;
+    } else if (atlas_.maps().count(id) == 1 || shelf_.maps().count(id) == 1) {
+      reply.reason = "map " + ToString(id) + " is in this atlas already";
+    } else if (atlas_.Resolve(id) != id) {
+      reply.reason = "map " + ToString(id) + " was in this atlas, and went into map " + ToString(atlas_.Resolve(id));
+    }
+    for (const KeyFrameData& data : map.keyframes) {
+      if (shelf_.FindWords(data.id) != nullptr) reply.reason = "keyframe " + ToString(data.id) + " of map " + ToString(id) + " is in this atlas already";
+    }
+    if (!reply.reason.empty()) return reply;
+  }
+  for (StoredMap& map : *maps) {
+    const MapId id = map.snapshot.map;
+    for (KeyFrameData& data : map.keyframes) {
+      shelf_.AddKeyFrame(id, std::move(data));
+      status_.AssertLiveliness();
+    }
+    atlas_.Adopt(id, map.snapshot.epoch);
+    shelf_.replicas().AddDelta(std::move(map.snapshot));
+    reply.text += (reply.text.empty() ? "" : " ") + ToString(id);
+  }
+  Continue();
+  imports_[request.id] = reply.text;
+  reply.ok = true;
+  return reply;
 }
 
 /// What was granted is on the disk before anybody hears of it: an atlas_server that comes after this one goes on above
 /// these epochs. A store that fails holds nobody up: epochs are learned from living mappers too.
 void AtlasProcess::PublishDecisions() {
+  for (const Atlas::Move& move : atlas_.TakeMoves()) joiner_.OnMove(move, Now());
+  TakeOrders();
+  for (const MapJoiner::Done& done : joiner_.TakeDone()) OnFused(done.map, done.other, done.revision);
+  for (const MapId map : atlas_.TakeDeleted()) {
+    shelf_.Remove(map);
+    detector_.Forget(map);
+    if (!saver_) continue;
+    saver_->Forget(map);
+    if (Status deleted = store_->DeleteMap(map); !deleted) NoteStoreFailure(deleted.error());
+  }
+  SaveGraph();
   for (const Atlas::Ownership& granted : atlas_.TakeGrants()) {
     spdlog::info("map {} of robot {}: owner {}, epoch {}", ToString(granted.map), granted.robot,
                  ToString(granted.owner), granted.epoch);
@@ -156,22 +250,22 @@ void AtlasProcess::PublishDecisions() {
   }
   for (const Command& command : atlas_.TakeCommands()) command_writer_->Write(command);
   for (const Reply& reply : atlas_.TakeReplies()) {
-    if (!reply.ok) spdlog::warn("refused: {}", reply.reason);
+    if (!reply.ok) spdlog::info("refused: {}", reply.reason);
     reply_writer_->Write(reply);
   }
 }
 
-/// Stands in for owners that don't live, and serves a new owner that asks for the map it was granted.
+/// Owner of the dormant maps; stands in for owners that don't live, and serves a new owner that asks for the map it was granted.
 void AtlasProcess::OnSnapshotRequest(const SnapshotRequest& request) {
   if (request.asker == setup_.process) return;
   const auto ownership = atlas_.maps().find(request.map);
   if (ownership == atlas_.maps().end()) return;
   const auto& [map, robot, epoch, owner] = ownership->second;
-  if (owner.IsValid() && owner != request.asker && atlas_.IsAlive(owner, Now())) return;
-  const auto replica = replicas_.replicas().find(map);
-  if (replica != replicas_.replicas().end() && replica->second.map().revision() > 0) {
+  if (owner.IsValid() && owner != setup_.process && owner != request.asker && atlas_.IsAlive(owner, Now())) return;
+  const auto replica = shelf_.maps().find(map);
+  if (replica != shelf_.maps().end() && replica->second.map().revision() > 0) {
     SendSnapshot(replica->second.map(), request.have_keyframes);
-  } else if (owner == request.asker && replicas_.IsEmpty(map)) {
+  } else if (owner == request.asker && shelf_.replicas().IsEmpty(map)) {
     SendSnapshot(Map(map, epoch - 1), {});  // its last owner had not begun it
   }
 }
@@ -209,8 +303,9 @@ Result<KeyFrameData> AtlasProcess::WholeData(const KeyFrameData& data) {
 void AtlasProcess::OnTick() {
   status_.AssertLiveliness();
   atlas_.OnTick(Now());
-  PublishDecisions();
-  for (const SnapshotRequest& request : replicas_.DueRequests(Now(), setup_.process)) {
+  joiner_.OnTick(Now());
+  Continue();
+  for (const SnapshotRequest& request : shelf_.replicas().DueRequests(Now(), setup_.process)) {
     snapshot_writer_->Write(request);
     ++snapshots_asked_;
   }
@@ -218,15 +313,25 @@ void AtlasProcess::OnTick() {
 }
 
 void AtlasProcess::StoreAPiece() {
-  if (!saver_ || saver_->IsComplete(replicas_.replicas())) return;
+  if (!saver_ || saver_->IsComplete(shelf_.maps())) return;
   const Stopwatch stopwatch;
-  if (Status stored = saver_->Step(replicas_.replicas(), Now()); !stored) NoteStoreFailure(stored.error());
+  if (Status stored = saver_->Step(shelf_.maps(), Now()); !stored) NoteStoreFailure(stored.error());
   DropWhatIsStored();
   times_.Add("store", stopwatch.Milliseconds());
 }
 
 void AtlasProcess::DropWhatIsStored() {
-  for (const auto& [map, keyframe] : saver_->TakeStored()) replicas_.DropAppearance(map, keyframe);
+  for (const auto& [map, keyframe] : saver_->TakeStored()) shelf_.OnStored(keyframe);
+  shelf_.Trim();
+  for (auto next = to_be_deleted_.begin(); next != to_be_deleted_.end();) {
+    if (!saver_->HasSaved(next->map, next->revision)) {
+      ++next;
+      continue;
+    }
+    if (Status deleted = store_->DeleteMap(next->other); !deleted) NoteStoreFailure(deleted.error());
+    next = to_be_deleted_.erase(next);
+  }
+  SaveGraph();
 }
 
 void AtlasProcess::NoteStoreFailure(const Error& error) {
@@ -236,7 +341,7 @@ void AtlasProcess::NoteStoreFailure(const Error& error) {
 
 Status AtlasProcess::SaveAll() {
   if (!saver_) return Ok{};
-  return saver_->SaveAll(replicas_.replicas(), Now(), [this] { status_.AssertLiveliness(); });
+  return saver_->SaveAll(shelf_.maps(), Now(), [this] { status_.AssertLiveliness(); });
 }
 
 Reply AtlasProcess::SaveOnRequest() {
@@ -253,99 +358,6 @@ Reply AtlasProcess::SaveOnRequest() {
     NoteStoreFailure(saved.error());
   }
   return reply;
-}
-
-Reply AtlasProcess::ListMaps() const {
-  nlohmann::json list = nlohmann::json::array();
-  for (const auto& [id, ownership] : atlas_.maps()) {
-    nlohmann::json entry = {{"map", ToString(id)},
-                            {"robot", ownership.robot},
-                            {"epoch", ownership.epoch},
-                            {"owner", ToString(ownership.owner)},
-                            {"owner_alive", atlas_.IsAlive(ownership.owner, Now())}};
-    const auto replica = replicas_.replicas().find(id);
-    if (replica != replicas_.replicas().end()) {
-      const Map& map = replica->second.map();
-      entry["revision"] = map.revision();
-      entry["keyframes"] = map.keyframes().size();
-      entry["points"] = map.points().size();
-    }
-    list.push_back(entry);
-  }
-  Reply reply;
-  reply.ok = true;
-  reply.text = nlohmann::json{{"maps", list}}.dump();
-  return reply;
-}
-
-AtlasProcess::Totals AtlasProcess::CountTotals() const {
-  Totals totals;
-  for (const auto& [id, replica] : replicas_.replicas()) {
-    if (replica.map().revision() == 0) continue;
-    ++totals.maps;
-    totals.keyframes += replica.map().keyframes().size();
-    totals.points += replica.map().points().size();
-  }
-  return totals;
-}
-
-void AtlasProcess::OnStatusTimer() {
-  const Totals totals = CountTotals();
-  const auto replica = replicas_.replicas().find(last_map_);
-  const bool known = replica != replicas_.replicas().end();
-  const bool failing = saver_ && store_failures_ > 0 && !saver_->IsComplete(replicas_.replicas());
-  status_.Publish(failing            ? "the store can't be written"
-                  : totals.maps == 0 ? "waiting for a map"
-                                     : "following",
-                  last_map_, known ? replica->second.map().epoch() : 0, known ? replica->second.map().revision() : 0,
-                  {{"maps", static_cast<double>(totals.maps)},
-                   {"keyframes", static_cast<double>(totals.keyframes)},
-                   {"points", static_cast<double>(totals.points)},
-                   {"stored_keyframes", static_cast<double>(store_ == nullptr ? 0 : store_->num_keyframes())},
-                   {"pending_requests", static_cast<double>(atlas_.num_pending())},
-                   {"grants", static_cast<double>(grants_)},
-                   {"takeovers", static_cast<double>(atlas_.num_takeovers())},
-                   {"snapshots_sent", static_cast<double>(snapshots_sent_)},
-                   {"snapshots_asked", static_cast<double>(snapshots_asked_)},
-                   {"store_failures", static_cast<double>(store_failures_)},
-                   {"foreign_vocabulary", static_cast<double>(foreign_vocabulary_)},
-                   {"events_waiting", static_cast<double>(loop_->depth())},
-                   {"events_dropped", static_cast<double>(loop_->dropped())}});
-}
-
-int AtlasProcess::Finish() {
-  replicas_.ApplyPending();
-  int exit_code = kExitOk;
-  if (Status saved = SaveAll(); !saved) {
-    spdlog::error("{}", saved.error().message);
-    exit_code = kExitFailure;
-  }
-  nlohmann::json report = MakeReport(setup_.options, priority_, times_, *bus_);
-  const Totals totals = CountTotals();
-  const MapReplica::Counters counters = replicas_.counters();
-  report["maps"] = totals.maps;
-  report["keyframes"] = totals.keyframes;
-  report["points"] = totals.points;
-  report["stored_keyframes"] = store_ == nullptr ? 0 : store_->num_keyframes();
-  report["store"] = store_ == nullptr ? "" : store_->path();
-  report["store_failures"] = store_failures_;
-  report["grants"] = grants_;
-  report["takeovers"] = atlas_.num_takeovers();
-  report["snapshots_sent"] = snapshots_sent_;
-  report["snapshots_asked"] = snapshots_asked_;
-  report["deltas"] = {{"applied", counters.applied},
-                      {"repeated", counters.repeated},
-                      {"stale_epoch", counters.stale_epoch},
-                      {"gaps", counters.gaps}};
-  report["map_hash"] = nlohmann::json::object();
-  for (const auto& [id, replica] : replicas_.replicas()) {
-    if (replica.map().revision() > 0) report["map_hash"][ToString(id)] = FormatHash(HashMap(replica.map()));
-  }
-  if (Status written = WriteReport(setup_.options, report); !written) {
-    spdlog::error("{}", written.error().message);
-    exit_code = kExitFailure;
-  }
-  return exit_code;
 }
 
 }  // namespace portolan

@@ -1,30 +1,39 @@
 #pragma once
 
+#include <deque>
+#include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include <nlohmann/json.hpp>
+
 #include "atlas/atlas.h"
+#include "atlas/map_joiner.h"
 #include "atlas/map_saver.h"
+#include "atlas/map_shelf.h"
 #include "atlas/map_store.h"
+#include "atlas/overlap_detector.h"
 #include "base/log.h"
 #include "base/statistics.h"
-#include "map/replica_set.h"
 #include "process/atlas_config.h"
 #include "process/process_setup.h"
 #include "process/status_publisher.h"
+#include "transport/background_work.h"
 #include "transport/process_loop.h"
 #include "vocabulary/vocabulary.h"
 
 namespace portolan {
 
 /// The shell around the atlas: hears requests and statuses, grants maps, follows every map and stores it, and stands in
-/// with snapshots for owners that are dead. Descriptors that are stored are not kept in memory. One owner thread; the
-/// store's work on it is cut into bounded pieces.
+/// with snapshots for owners that are dead. Looks each new keyframe up in the other maps, and has maps switched or fused
+/// by what it finds. Of what is stored only that is kept in memory which is used (MapShelf). One owner thread, whose work
+/// is cut into bounded pieces, and one behind it that makes proposals for fusions.
 class AtlasProcess {
  public:
   /// @param store may be null: nothing is stored.
-  AtlasProcess(const ProcessSetup& setup, const AtlasOptions& options, uint64_t vocabulary_hash, MapStore* store,
+  AtlasProcess(const ProcessSetup& setup, const AtlasOptions& options, std::shared_ptr<const Vocabulary> vocabulary, MapStore* store,
                Bus* bus, const std::string& priority, ProcessLoop* loop);
   ~AtlasProcess();
 
@@ -46,8 +55,40 @@ class AtlasProcess {
   void OnTick();
   void OnStatusTimer();
 
+  /// After each event: what became possible with it, and what is to be told.
+  void Continue();
   void ApplyPending();
   void PublishDecisions();
+
+  // Overlaps (atlas_lookup.cc).
+  struct Waiting {
+    MapId map;
+    KeyFrameId keyframe;
+    Revision revision = 0;  ///< of the map when the mapper was done with it
+  };
+  /// What a user ordered or a lost tracker asked, that takes more than one event.
+  struct Search {
+    Request request;
+    std::deque<KeyFrameId> keyframes;  ///< "fuse": of `other`, still to be looked up in `map`
+    std::string reason;                ///< why the last came to nothing
+    double since_s = 0;
+  };
+  void QueueKeyFrame(const MapperState& state);
+  bool LookUpNext();
+  void LookUp(const Waiting& next, const Map& map, const BowVector& bow);
+  void TakeOrders();
+  Reply Obey(const Request& order);
+  void ContinueSearches();
+  std::optional<Reply> ContinueSearch(Search* search);
+  Reply Locate(const Request& request, const KeyFrameData& frame);
+  std::optional<Reply> LookForFusion(Search* search);
+  void StartFusion();
+  bool EnsureAround(const Map& map, KeyFrameId keyframe);
+  void OnFused(MapId map, MapId other, Revision revision);
+  void TakeUpFusions();
+  void PublishFollowers(bool all);
+
+  void SaveGraph();
   void SendSnapshot(const Map& map, const std::vector<KeyFrameId>& have);
   /// The whole data of a keyframe, from the store where memory has it bare.
   Result<KeyFrameData> WholeData(const KeyFrameData& data);
@@ -56,7 +97,11 @@ class AtlasProcess {
   void NoteStoreFailure(const Error& error);
   Status SaveAll();
   Reply ListMaps() const;
+  Reply DescribeGraph(const std::string& format) const;
+  std::map<MapId, MapLabel> LabelMaps() const;
+  void AddOverlaps(nlohmann::json* report) const;
   Reply SaveOnRequest();
+  Reply ImportMaps(const Request& request);
   int Finish();
   struct Totals {
     size_t maps = 0, keyframes = 0, points = 0;
@@ -76,15 +121,36 @@ class AtlasProcess {
   std::unique_ptr<Writer<KeyFrameMessage>> keyframe_writer_;
   std::unique_ptr<Writer<MapDeltaChunk>> delta_writer_;
   std::unique_ptr<Writer<SnapshotRequest>> snapshot_writer_;
+  std::unique_ptr<Writer<MapCorrection>> correction_writer_;
+  std::unique_ptr<Writer<FollowerState>> follower_writer_;
   std::vector<std::unique_ptr<Reader>> readers_;
 
+  const AtlasOptions options_;
   Atlas atlas_;
-  ReplicaSet replicas_;
+  MapShelf shelf_;
+  OverlapDetector detector_;
+  MapJoiner joiner_;
   std::optional<MapSaver> saver_;
+  std::deque<Waiting> waiting_;               // keyframes to be looked up
+  std::map<RobotId, FollowerState> followers_, published_;  // by the robot whose keyframes they are about
+  std::map<ProcessId, KeyFrameId> queued_;    // the last of each mapper
+  std::deque<KeyFrameData> queries_;          // of trackers that know no map
+  std::deque<Search> searches_;
+  std::map<RequestId, std::string> imports_;  // answered: the maps
+  std::optional<FusionTask> fusion_;          // waits for descriptors
+  std::vector<MapJoiner::Done> to_be_deleted_;  // maps that were fused, until what they went into is stored
+  uint64_t saved_graph_ = 0;                  // version
+  std::deque<OverlapRefusal> refusals_;       // the last ones
+  struct Lookups {
+    uint64_t keyframes = 0, passed_over = 0, maps = 0, candidates = 0, consistent = 0, verified = 0, confirmed = 0, refused = 0;
+    uint64_t located = 0, not_located = 0;
+  } lookups_;
+  double lookup_ms_ = 0;  // of the last keyframe
   LogThrottle store_log_;
   MapId last_map_;  // that changed
   uint64_t foreign_vocabulary_ = 0, grants_ = 0, snapshots_sent_ = 0, snapshots_asked_ = 0, store_failures_ = 0;
   StageTimes times_;
+  BackgroundWork background_;
 };
 
 }  // namespace portolan

@@ -29,9 +29,9 @@ int Main(int argc, char** argv) {
     }
     store = std::move(*opened);
   }
-  const ProcessStart start = ProcessStart::Make(setup, ProcessStart::Words::kHashAlone);
+  const ProcessStart start = ProcessStart::Make(setup);
   if (start.exit_code) return *start.exit_code;
-  AtlasProcess process(setup, options, start.vocabulary_hash, store.get(), start.bus.get(), start.priority,
+  AtlasProcess process(setup, options, start.vocabulary, store.get(), start.bus.get(), start.priority,
                        start.loop.get());
   if (Status loaded = process.LoadStore(); !loaded) {
     spdlog::error("{}", loaded.error().message);

@@ -6,6 +6,7 @@
 
 #include "base/time.h"
 #include "map_optimization/map_correction.h"
+#include "map_optimization/map_fusion.h"
 #include "mapping/map_initialization.h"
 #include "mapping/point_creation.h"
 #include "optimization/pose_optimization.h"
@@ -18,15 +19,13 @@ struct LocalMapper::TrackedLandmarks {
   std::vector<std::pair<uint32_t, MapPointId>> sources;
 };
 
-LocalMapper::LocalMapper(const MapperOptions& options, MapId map, Epoch epoch, RobotId robot, uint32_t session,
-                         Publish publish)
-    : LocalMapper(options, Map(map, epoch), epoch, robot, session, std::move(publish)) {}
+LocalMapper::LocalMapper(const MapperOptions& options, MapId map, Epoch epoch, IdMinter<MapPointId>* point_ids, Publish publish)
+    : LocalMapper(options, Map(map, epoch), epoch, point_ids, std::move(publish)) {}
 
-LocalMapper::LocalMapper(const MapperOptions& options, Map map, Epoch epoch, RobotId robot, uint32_t session,
-                         Publish publish)
+LocalMapper::LocalMapper(const MapperOptions& options, Map map, Epoch epoch, IdMinter<MapPointId>* point_ids, Publish publish)
     : options_(options),
       map_(std::move(map)),
-      point_ids_(robot, session),
+      point_ids_(point_ids),
       publish_(std::move(publish)),
       probation_(options.pruning),
       next_lens_refinement_(options.lens.enabled && map_.keyframes().empty() ? options.lens.first_keyframes : INT_MAX) {
@@ -42,7 +41,7 @@ Status LocalMapper::Initialize(KeyFramePtr first, KeyFramePtr second, const KeyF
   map_.AddKeyFrame(std::move(first), Rigid3d(), KeyFrameId());
   map_.AddKeyFrame(std::move(second), structure->second_from_first, first_id);
   for (const InitialStructure::Point& point : structure->points) {
-    const MapPointId id = point_ids_.Next();
+    const MapPointId id = point_ids_->Next();
     map_.AddPoint(id, point.position_in_first.cast<float>());
     map_.AddObservation(id, first_id, point.first_feature);
     map_.AddObservation(id, second_id, point.second_feature);
@@ -132,7 +131,7 @@ int LocalMapper::ExtendMap(const MoreWorkWaits& more_work_waits) {
   for (const auto& [neighbour, common] :
        map_.CovisibleKeyFrames(newest_, 1, static_cast<size_t>(options_.creation.neighbours))) {
     if (searched++ >= options_.creation.min_neighbours && more_work_waits()) break;
-    const std::vector<MapPointId> points = CreatePoints(&map_, newest_, neighbour, options_.creation, &point_ids_);
+    const std::vector<MapPointId> points = CreatePoints(&map_, newest_, neighbour, options_.creation, point_ids_);
     probation_.Add(points);
     created += static_cast<int>(points.size());
   }
@@ -195,6 +194,22 @@ Status LocalMapper::ApplyCorrection(const MapCorrection& correction) {
   if (!merges.ok()) return merges.error();
   NoteMerges(merges.value());
   PublishChanges();
+  corrected_revision_ = map_.revision();
+  return Ok{};
+}
+
+Status LocalMapper::TakeIn(const LocalMapper& other, const MapCorrection& fusion) {
+  if (fusion.made_from_revision < corrected_revision_) {
+    return Error{"fusion of " + ToString(fusion.other) + " into " + ToString(map_.id()) + ": made from revision " +
+                 std::to_string(fusion.made_from_revision) + ", the map was corrected at " + std::to_string(corrected_revision_)};
+  }
+  const auto merges = ApplyFusion(fusion, other.map_, &map_);
+  if (!merges.ok()) return merges.error();
+  merged_points_.Add(other.merged_points_);
+  removed_keyframes_.Add(other.removed_keyframes_);
+  NoteMerges(merges.value());
+  PublishChanges();
+  corrected_revision_ = map_.revision();
   return Ok{};
 }
 

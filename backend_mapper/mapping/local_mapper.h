@@ -24,7 +24,8 @@ namespace portolan {
 /// Single mapping (paper Sec. 4): the one writer of one map. Pure: no DDS, no threads of its own; the process feeds it
 /// keyframes and sends the deltas that it hands out.
 ///
-///   LocalMapper mapper(options, map_id, epoch, robot, session, publish);
+///   IdMinter<MapPointId> point_ids(robot, session);                        // one for all maps of a process
+///   LocalMapper mapper(options, map_id, epoch, &point_ids, publish);
 ///   Status initialized = mapper.Initialize(first, second, message);        // Sec. 4.1
 ///   mapper.InsertKeyFrame(data, message);                                  // Sec. 4.2, for each further keyframe:
 ///   mapper.DropFailedPoints(); mapper.ExtendMap(more_work_waits);
@@ -40,10 +41,11 @@ class LocalMapper {
   using MoreWorkWaits = std::function<bool()>;
   using KeyFramePtr = std::shared_ptr<const KeyFrameData>;
 
-  LocalMapper(const MapperOptions& options, MapId map, Epoch epoch, RobotId robot, uint32_t session, Publish publish);
+  /// @param point_ids names new landmarks, and outlives this: one map may be taken into another, or come back.
+  LocalMapper(const MapperOptions& options, MapId map, Epoch epoch, IdMinter<MapPointId>* point_ids, Publish publish);
   /// Takes over a map that another owner made (from a replica). Its first word must be PublishSnapshot(): replicas take
   /// nothing else in a new epoch.
-  LocalMapper(const MapperOptions& options, Map map, Epoch epoch, RobotId robot, uint32_t session, Publish publish);
+  LocalMapper(const MapperOptions& options, Map map, Epoch epoch, IdMinter<MapPointId>* point_ids, Publish publish);
 
   const Map& map() const { return map_; }
 
@@ -85,6 +87,10 @@ class LocalMapper {
   /// Applies a proposal of another process and publishes it; fails, changing nothing, when it does not fit (see
   /// ApplyMapCorrection).
   Status ApplyCorrection(const MapCorrection& correction);
+  /// Takes another map in whole, by a proposal to fuse them, and publishes it; what names landmarks and keyframes that had
+  /// gone from the other map finds what stands for them here. Fails, changing nothing, when the proposal does not fit (see
+  /// ApplyFusion), or was made before the map was last corrected: then it may lie elsewhere now.
+  Status TakeIn(const LocalMapper& other, const MapCorrection& fusion);
 
   /// Milliseconds of the steps: insert, extend, fuse, local_ba, prune.
   const StageTimes& stage_times() const { return stage_times_; }
@@ -96,7 +102,7 @@ class LocalMapper {
 
   MapperOptions options_;
   Map map_;
-  IdMinter<MapPointId> point_ids_;
+  IdMinter<MapPointId>* point_ids_;
   Publish publish_;
   StageTimes stage_times_;
   KeyFrameId newest_;  // the keyframe that the steps work on
@@ -105,6 +111,7 @@ class LocalMapper {
   int next_lens_refinement_;  // number of keyframes; a map taken over may hold frames from before and after a refinement
   Successors<MapPointId> merged_points_;  // the tracker may still name what was merged or removed here
   Successors<KeyFrameId> removed_keyframes_;
+  Revision corrected_revision_ = 0;  // after the last correction
 };
 
 }  // namespace portolan

@@ -6,6 +6,9 @@
 #include <map>
 
 #include "geometry/sim3_alignment.h"
+#include "map_optimization/map_correction.h"
+#include "map_optimization/map_fusion.h"
+#include "mapping/fused_maps.h"
 #include "mapping/mapping_test_scene.h"
 
 namespace portolan {
@@ -28,8 +31,7 @@ class Mapper : public ::testing::Test {
     scene_ = std::make_unique<TestScene>(options);
     views_ = SeeAlongPath(scene_.get(), 10, 0.4);
     for (const TestView& view : views_) data_[view.data->id] = view.data;
-    mapper_ = std::make_unique<LocalMapper>(MapperOptions(), kMap, 5, RobotId{1}, 3,
-                                            [this](MapDelta delta) { Follow(delta); });
+    mapper_ = std::make_unique<LocalMapper>(MapperOptions(), kMap, 5, &point_ids_, [this](MapDelta delta) { Follow(delta); });
   }
   void Follow(const MapDelta& delta) {
     ++deltas_;
@@ -74,6 +76,7 @@ class Mapper : public ::testing::Test {
   std::unique_ptr<TestScene> scene_;
   std::vector<TestView> views_;
   std::map<KeyFrameId, std::shared_ptr<const KeyFrameData>> data_;
+  IdMinter<MapPointId> point_ids_{1, 3};
   std::unique_ptr<LocalMapper> mapper_;
   Map replica_{kMap};
   int deltas_ = 0;
@@ -100,6 +103,7 @@ TEST_F(Mapper, BuildsAnAccurateMapThatReplicasFollow) {
 TEST_F(Mapper, TheSameInputGivesTheSameMap) {
   RunAll();
   const uint64_t first = HashMap(mapper_->map());
+  point_ids_ = IdMinter<MapPointId>(1, 3);
   SetUp();
   replica_ = Map(kMap);
   RunAll();
@@ -159,7 +163,8 @@ TEST_F(Mapper, TheTrackersPoseIsBroughtUpToTheMap) {
 
 TEST_F(Mapper, ANewOwnerGoesOn) {
   RunAll();
-  LocalMapper successor(MapperOptions(), replica_, 6, RobotId{2}, 9, [this](MapDelta delta) { Follow(delta); });
+  IdMinter<MapPointId> other_ids(2, 9);
+  LocalMapper successor(MapperOptions(), replica_, 6, &other_ids, [this](MapDelta delta) { Follow(delta); });
   const TestView next = scene_->See(CameraAt({3.8, 0, 0}));
   views_.push_back(next);
   data_[next.data->id] = next.data;
@@ -185,6 +190,93 @@ TEST_F(Mapper, AppliesACorrectionAndPublishesIt) {
   EXPECT_NE(HashMap(replica_), before);
   correction.epoch = 4;
   EXPECT_FALSE(mapper_->ApplyCorrection(correction).ok());
+}
+
+/// A second map of the same place, by the same process: every second view, in a frame of its own.
+class FusingMapper : public Mapper {
+ protected:
+  void SetUp() override {
+    Mapper::SetUp();
+    RunAll();
+    for (int k = 0; k < 6; ++k) other_views_.push_back(scene_->See(CameraAt({0.3 + 0.4 * k, 0.05, 0}, {0, 0.02, 0})));
+    for (const TestView& view : other_views_) data_[view.data->id] = view.data;
+    views_.insert(views_.end(), other_views_.begin(), other_views_.end());
+    other_ = std::make_unique<LocalMapper>(MapperOptions(), kOther, 2, &point_ids_, [](const MapDelta&) {});
+    KeyFrameMessage message;
+    message.kind = KeyFrameKind::kInitialSecond;
+    message.initial_matches = TrueMatches(other_views_[0], other_views_[3]);
+    ASSERT_TRUE(other_->Initialize(other_views_[0].data, other_views_[3].data, message).ok());
+    for (const size_t k : {1, 2, 4}) ASSERT_TRUE(other_->Process(other_views_[k].data, TrackInOther(k), kNoMoreWork, nullptr).ok()) << k;
+  }
+  KeyFrameMessage TrackInOther(size_t k) const {
+    KeyFrameMessage message = TrackedMessage(other_->map(), other_views_[k], views_);
+    message.camera_from_map = TransformPose(other_views_[k].camera_from_map, OtherFromWorld());
+    message.map = kOther;
+    return message;
+  }
+  Sim3d OtherFromWorld() const {
+    const auto of = [](const Rigid3d& pose) { return pose.TargetOriginInSource(); };
+    const Rigid3d a = other_->map().keyframe(other_views_[0].data->id).camera_from_map, b = other_->map().keyframe(other_views_[3].data->id).camera_from_map;
+    const double scale = (of(a) - of(b)).norm() / (of(other_views_[0].camera_from_map) - of(other_views_[3].camera_from_map)).norm();
+    const Sim3d units(scale, Eigen::Quaterniond::Identity(), Eigen::Vector3d::Zero());
+    return Sim3d(a).Inverse() * units * Sim3d(other_views_[0].camera_from_map);
+  }
+  Result<MapCorrection> Propose() const {
+    LoopClosure overlap;
+    overlap.current = other_views_[0].data->id;
+    overlap.matched = views_[0].data->id;
+    overlap.current_from_matched = Sim3d(other_->map().keyframe(overlap.current).camera_from_map) * OtherFromWorld() * MapFromWorld().Inverse() *
+                                   Sim3d(mapper_->map().keyframe(overlap.matched).camera_from_map).Inverse();
+    return ProposeFusion(mapper_->map(), other_->map(), overlap, LoopCorrectionOptions(), nullptr, nullptr);
+  }
+
+  const MapId kOther{1, 1, 2};
+  std::vector<TestView> other_views_;
+  std::unique_ptr<LocalMapper> other_;
+};
+
+TEST_F(FusingMapper, TakesAnotherMapInAndPublishesIt) {
+  const size_t keyframes = mapper_->map().keyframes().size() + other_->map().keyframes().size();
+  const auto fusion = Propose();
+  ASSERT_TRUE(fusion.ok()) << fusion.error().message;
+  EXPECT_GT(fusion->merges.size(), 100u);
+  ASSERT_TRUE(mapper_->TakeIn(*other_, *fusion).ok());  // the replica follows: see Follow
+  EXPECT_EQ(mapper_->map().keyframes().size(), keyframes);
+  EXPECT_EQ(replica_.keyframes().size(), keyframes);
+}
+
+/// The tracker has not heard of it: what it names is followed.
+TEST_F(FusingMapper, AKeyFrameOfTheOtherMapGoesOnInThisOne) {
+  KeyFrameMessage late = TrackInOther(5);
+  const auto fusion = Propose();
+  ASSERT_TRUE(fusion.ok());
+  FusedMaps fused;
+  fused.Note(other_->map(), kMap, fusion->map_from_other);
+  ASSERT_TRUE(mapper_->TakeIn(*other_, *fusion).ok());
+  ASSERT_TRUE(fused.Redirect([&](MapId) { return &mapper_->map(); }, &late));
+  const Status processed = mapper_->Process(other_views_[5].data, late, kNoMoreWork, nullptr);
+  ASSERT_TRUE(processed.ok()) << processed.error().message;
+  const KeyFrame& inserted = mapper_->map().keyframe(other_views_[5].data->id);
+  const Rigid3d expected = TransformPose(other_views_[5].camera_from_map, MapFromWorld());
+  EXPECT_LT((inserted.camera_from_map.TargetOriginInSource() - expected.TargetOriginInSource()).norm() / MapFromWorld().scale, 0.05);
+}
+
+TEST_F(FusingMapper, RefusesAProposalFromBeforeACorrection) {
+  const auto fusion = Propose();
+  ASSERT_TRUE(fusion.ok());
+  MapCorrection correction = EmptyCorrection(mapper_->map(), "global_ba");
+  for (const auto& [id, keyframe] : mapper_->map().keyframes()) {
+    correction.keyframes.push_back({id, Sim3d(keyframe.camera_from_map) * Sim3d(1, Eigen::Quaterniond::Identity(), {1, 0, 0})});
+  }
+  ASSERT_TRUE(mapper_->ApplyCorrection(correction).ok());
+  const uint64_t before = HashMap(mapper_->map());
+  const Status taken = mapper_->TakeIn(*other_, *fusion);
+  ASSERT_FALSE(taken.ok());
+  EXPECT_THAT(taken.error().message, HasSubstr("was corrected"));
+  EXPECT_EQ(HashMap(mapper_->map()), before);
+  const auto again = Propose();
+  ASSERT_TRUE(again.ok());
+  EXPECT_TRUE(mapper_->TakeIn(*other_, *again).ok());
 }
 
 }  // namespace

@@ -19,6 +19,11 @@ class Successors {
     order_.pop_front();
   }
 
+  /// All that another one noted, in its order.
+  void Add(const Successors& other) {
+    for (const IdType from : other.order_) Note(from, other.next_.at(from));
+  }
+
   /// @return `id` itself if it was not replaced.
   IdType Follow(IdType id) const {
     // An id is replaced once and never comes back, so the chain ends.

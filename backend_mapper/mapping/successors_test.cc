@@ -17,6 +17,16 @@ TEST(Successors, FollowsChains) {
   EXPECT_EQ(successors.Follow(c), c);
 }
 
+TEST(Successors, TakesOverWhatAnotherNoted) {
+  Successors<MapPointId> successors, other;
+  const MapPointId a(1, 1, 1), b(1, 1, 2), c(1, 1, 3), d(1, 1, 4);
+  other.Note(a, b);
+  other.Note(b, c);
+  successors.Note(c, d);
+  successors.Add(other);
+  EXPECT_EQ(successors.Follow(a), d);
+}
+
 TEST(Successors, ForgetsTheOldest) {
   Successors<MapPointId> successors;
   const auto id = [](uint32_t sequence) { return MapPointId(1, 1, sequence); };

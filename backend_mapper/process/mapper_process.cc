@@ -12,9 +12,7 @@ namespace {
 
 constexpr double kStatusPeriodS = 1.0;
 constexpr double kTickPeriodS = 0.15;  // well within the liveliness lease of 500 ms
-constexpr size_t kMaxEarly = 8;          // keyframes of a map whose grant is still on its way; the tracker sends them again
 constexpr int kBackgroundNiceSteps = 4;  // behind the mapping, as loop_closer is
-constexpr auto kRequestInterval = std::chrono::seconds(1);
 
 }  // namespace
 
@@ -32,6 +30,7 @@ MapperProcess::MapperProcess(const ProcessSetup& setup, const MapperOptions& opt
       state_writer_(bus->CreateWriter<MapperState>()),
       request_writer_(bus->CreateWriter<Request>()),
       snapshot_writer_(bus->CreateWriter<SnapshotRequest>()),
+      point_ids_(setup.options.robot, setup.session),
       request_ids_(setup.options.robot, setup.session),
       background_(loop, kBackgroundNiceSteps) {
   state_.process = setup.process;
@@ -76,16 +75,13 @@ int MapperProcess::Run() {
   readers_.clear();
   nlohmann::json report = MakeReport(setup_.options, priority_, [&] {
     StageTimes times = process_times_;
-    for (const auto& [map, mapper] : mappers_) {
-      for (const auto& [stage, samples] : mapper->stage_times().samples()) {
-        for (const double sample : samples) times.Add(stage, sample);
-      }
-    }
+    for (const auto& [map, mapper] : mappers_) KeepTimes(*mapper, &times);
     return times;
   }(), *bus_);
   report["keyframes_taken"] = taken_;
   report["keyframes_refused"] = refused_;
   report["interrupts"] = interrupts_;
+  report["fusions"] = fusions_;
   if (Status written = WriteReport(setup_.options, report); !written) {
     spdlog::error("{}", written.error().message);
     return kExitFailure;
@@ -111,91 +107,33 @@ void MapperProcess::OnReply(const Reply& reply) {
 }
 
 void MapperProcess::OnCommand(const Command& command) {
-  if (command.kind == CommandKind::kGrantOwnership && command.owner == setup_.process) {
-    Own(command.map, command.epoch);
-  } else if (command.kind == CommandKind::kGrantOwnership) {
-    // Someone else owns the map from a later epoch on.
-    const auto mine = mappers_.find(command.map);
-    if (mine == mappers_.end() || mine->second->map().epoch() >= command.epoch) return;
-    spdlog::info("map {} passes on in epoch {}", ToString(command.map), command.epoch);
-    mappers_.erase(mine);
+  switch (command.kind) {
+    case CommandKind::kGrantOwnership:
+      return command.owner == setup_.process ? Own(command.map, command.epoch) : PassOn(command.map, command.epoch);
+    case CommandKind::kFuseMaps: return Forget(command.other);  // its owner was this one, or another's mapper
+    case CommandKind::kForgetMap: return Forget(command.map);
+    default: return;  // of others
   }
 }
 
-void MapperProcess::Own(MapId map, Epoch epoch) {
-  const auto mine = mappers_.find(map);
-  if (mine != mappers_.end() && mine->second->map().epoch() >= epoch) return;
-  spdlog::info("granted map {} in epoch {}", ToString(map), epoch);
-  if (epoch > 1) {
-    takeovers_.erase(map);
-    takeovers_.emplace(map, Takeover{MapReplica(map), epoch, {}});
-    ContinueTakeovers();
-    return;
-  }
-  mappers_[map] = std::make_unique<LocalMapper>(options_, map, epoch, setup_.options.robot, setup_.session,
-                                                [this](MapDelta delta) { PublishDelta(delta); });
-  PublishState(true);
-  std::vector<KeyFrameMessage> early;
-  early.swap(early_);
-  for (const KeyFrameMessage& message : early) OnKeyFrame(message);
-}
-
-void MapperProcess::ContinueTakeovers() {
-  for (auto next = takeovers_.begin(); next != takeovers_.end();) {
-    next = ContinueTakeover(&next->second) ? takeovers_.erase(next) : std::next(next);
-  }
-}
-
-bool MapperProcess::ContinueTakeover(Takeover* takeover) {
-  takeover->replica.ApplyPending();
-  const Map& map = takeover->replica.map();
-  // Any snapshot of an older epoch will do, an empty one too: then the last owner died before the map began.
-  if (map.epoch() > 0 && !takeover->replica.NeedsSnapshot()) {
-    spdlog::info("goes on with map {} at revision {}: {} keyframes, {} points", ToString(map.id()), map.revision(), map.keyframes().size(),
-                 map.points().size());
-    auto& mapper = mappers_[map.id()];
-    mapper = std::make_unique<LocalMapper>(options_, map, takeover->epoch, setup_.options.robot, setup_.session,
-                                           [this](MapDelta delta) { PublishDelta(delta); });
-    mapper->PublishSnapshot();  // a new epoch begins with one: replicas may be ahead of it or behind
-    PublishState(true);
-    return true;
-  }
-  if (Clock::now() - takeover->last_request < kRequestInterval) return false;
-  takeover->last_request = Clock::now();
-  snapshot_writer_->Write(takeover->replica.MakeRequest(setup_.process));
-  return false;
-}
-
-void MapperProcess::OnDeltaChunk(const MapDeltaChunk& chunk) {
-  const auto takeover = takeovers_.find(chunk.part.map);
-  if (takeover == takeovers_.end()) return;
-  for (MapDelta& delta : assembler_.Add(chunk)) takeover->second.replica.AddDelta(std::move(delta));
-  ContinueTakeovers();
-}
-
-void MapperProcess::OnKeyFrame(const KeyFrameMessage& message) {
+void MapperProcess::OnKeyFrame(KeyFrameMessage message) {
   if (message.vocabulary_hash != vocabulary_hash_) {
     if (foreign_vocabulary_++ == 0) spdlog::error("keyframes made with another vocabulary ({:016x}, here {:016x}) are passed over", message.vocabulary_hash, vocabulary_hash_);
     return;
   }
-  if (message.kind == KeyFrameKind::kCopy) {
-    const auto takeover = takeovers_.find(message.map);
-    if (takeover != takeovers_.end()) {
-      takeover->second.replica.AddKeyFrameData(MakeKeyFrameData(message.data, nullptr));
-      ContinueTakeovers();
-    }
-    return;
-  }
+  if (message.kind == KeyFrameKind::kCopy) return OnCopy(message);
+  fused_.Redirect(
+      [this](MapId map) {
+        const auto found = mappers_.find(map);
+        return found == mappers_.end() ? nullptr : &found->second->map();
+      },
+      &message);
   const auto mapper = mappers_.find(message.map);
   if (mapper != mappers_.end()) {
     Take(mapper->second.get(), message);
-    return;
+  } else {
+    WaitForGrant(std::move(message));
   }
-  if (early_.size() >= kMaxEarly) {
-    early_.erase(early_.begin());
-    ++early_dropped_;
-  }
-  early_.push_back(message);
 }
 
 void MapperProcess::Take(LocalMapper* mapper, const KeyFrameMessage& message) {
@@ -294,7 +232,7 @@ void MapperProcess::OnCorrection(const MapCorrection& correction) {
   const auto mapper = mappers_.find(correction.map);
   if (mapper == mappers_.end()) return;
   ++corrections_;
-  const Status applied = mapper->second->ApplyCorrection(correction);
+  const Status applied = correction.kind == "fusion" ? Fuse(correction) : mapper->second->ApplyCorrection(correction);
   if (!applied) spdlog::warn("correction {} of {} refused: {}", correction.number, ToString(correction.process), applied.error().message);
   state_.correction_process = correction.process;
   state_.correction_number = correction.number;
@@ -321,6 +259,8 @@ void MapperProcess::OnStatusTimer() {
                    {"foreign_vocabulary", static_cast<double>(foreign_vocabulary_)},
                    {"interrupts", static_cast<double>(interrupts_)},
                    {"corrections", static_cast<double>(corrections_)},
+                   {"fusions", static_cast<double>(fusions_)},
+                   {"maps", static_cast<double>(mappers_.size())},
                    {"events_dropped", static_cast<double>(loop_->dropped())}});
 }
 

@@ -8,7 +8,9 @@
 #include <vector>
 
 #include "map/map_replica.h"
+#include "mapping/fused_maps.h"
 #include "mapping/local_mapper.h"
+#include "mapping/passed_on_maps.h"
 #include "process/process_setup.h"
 #include "process/status_publisher.h"
 #include "transport/background_work.h"
@@ -17,7 +19,8 @@
 namespace portolan {
 
 /// The shell around the mapper: owns the maps that the atlas_server grants it, takes in keyframes, publishes deltas and answers snapshot
-/// requests, all on one owner thread. The tracker's interrupt comes in beside it and stops an optimisation under way.
+/// requests, all on one owner thread. The tracker's interrupt comes in beside it and stops an optimisation under way. Robots may share a
+/// partition: what concerns maps of others is passed over.
 class MapperProcess {
  public:
   MapperProcess(const ProcessSetup& setup, const MapperOptions& options, uint64_t vocabulary_hash, Bus* bus,
@@ -31,7 +34,8 @@ class MapperProcess {
   using Clock = std::chrono::steady_clock;
 
   void ConnectReaders();
-  void OnKeyFrame(const KeyFrameMessage& message);
+  void OnKeyFrame(KeyFrameMessage message);
+  void OnCopy(const KeyFrameMessage& copy);
   void OnCommand(const Command& command);
   void OnSnapshotRequest(const SnapshotRequest& request);
   void OnReply(const Reply& reply);
@@ -40,7 +44,16 @@ class MapperProcess {
   void OnTick();
   void OnStatusTimer();
 
+  // Which maps are this process's (mapper_maps.cc).
   void Own(MapId map, Epoch epoch);
+  void PassOn(MapId map, Epoch epoch);
+  void Forget(MapId map);
+  void Drop(MapId map);
+  static void KeepTimes(const LocalMapper& mapper, StageTimes* times);
+  void WaitForGrant(KeyFrameMessage message);
+  void TakeEarly();
+  std::unique_ptr<LocalMapper> MakeMapper(Map map, Epoch epoch);
+  Status Fuse(const MapCorrection& fusion);
   struct Takeover;
   void ContinueTakeovers();
   bool ContinueTakeover(Takeover* takeover);
@@ -74,15 +87,18 @@ class MapperProcess {
     Clock::time_point last_request{};
   };
   std::map<MapId, Takeover> takeovers_;
+  PassedOnMaps passed_on_;
+  FusedMaps fused_;
+  IdMinter<MapPointId> point_ids_;
   DeltaAssembler assembler_;
   std::map<KeyFrameId, std::shared_ptr<const KeyFrameData>> firsts_;  // first frames of pairs
-  std::vector<KeyFrameMessage> early_;                                // for maps not granted yet, bounded
+  std::vector<KeyFrameMessage> early_;                                // for maps granted soon or being taken over, bounded
   std::atomic<int> keyframes_waiting_{0};
   std::atomic<bool> stop_optimisation_{false};
   MapperState state_;
   IdMinter<RequestId> request_ids_;
   std::optional<Request> registration_;  // until it is answered
-  uint64_t taken_ = 0, refused_ = 0, interrupts_ = 0, foreign_vocabulary_ = 0, early_dropped_ = 0, corrections_ = 0;
+  uint64_t taken_ = 0, refused_ = 0, interrupts_ = 0, foreign_vocabulary_ = 0, early_dropped_ = 0, corrections_ = 0, fusions_ = 0;
   StageTimes process_times_;
   int exit_code_ = kExitOk;
   BackgroundWork background_;

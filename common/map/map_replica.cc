@@ -40,7 +40,15 @@ void MapReplica::DropAppearance(KeyFrameId id) {
   const auto found = data_.find(id);
   if (found == data_.end() || !found->second->features.HasAppearance()) return;
   found->second = WithoutAppearance(*found->second);
-  if (map_.FindKeyFrame(id) != nullptr) map_.DropAppearance(id, found->second);
+  if (map_.FindKeyFrame(id) != nullptr) map_.ReplaceData(id, found->second);
+}
+
+void MapReplica::RestoreAppearance(std::shared_ptr<const KeyFrameData> data) {
+  const KeyFrameId id = data->id;
+  const auto found = data_.find(id);
+  if (found == data_.end()) return;
+  found->second = std::move(data);
+  if (map_.FindKeyFrame(id) != nullptr) map_.ReplaceData(id, found->second);
 }
 
 void MapReplica::DropKeyFrameData(KeyFrameId id) {
@@ -81,8 +89,11 @@ bool MapReplica::Fits(const MapDelta& delta) const {
   return delta.IsSnapshot() || (delta.epoch == map_.epoch() && delta.base_revision == map_.revision());
 }
 
-bool MapReplica::TryApply(MapDelta* delta) {
-  const auto find_data = [this](KeyFrameId id) { return FindKeyFrameData(id); };
+bool MapReplica::TryApply(MapDelta* delta, const Map::FindData& elsewhere) {
+  const auto find_data = [&](KeyFrameId id) {
+    std::shared_ptr<const KeyFrameData> own = FindKeyFrameData(id);
+    return own == nullptr && elsewhere ? elsewhere(id) : own;
+  };
   std::vector<MapDelta::RemovedKeyFrame> vanished;
   if (delta->IsSnapshot()) vanished = FindVanished(map_, *delta);
   if (Status status = map_.Apply(*delta, find_data); !status) {
@@ -90,18 +101,19 @@ bool MapReplica::TryApply(MapDelta* delta) {
     return false;
   }
   ++counters_.applied;
+  for (const auto& state : delta->keyframes) AddKeyFrameData(map_.keyframe(state.id).data);
   delta->removed_keyframes.insert(delta->removed_keyframes.end(), vanished.begin(), vanished.end());
   for (const auto& removed : delta->removed_keyframes) data_.erase(removed.id);
   return true;
 }
 
-std::vector<MapDelta> MapReplica::ApplyPending() {
+std::vector<MapDelta> MapReplica::ApplyPending(const Map::FindData& elsewhere) {
   std::vector<MapDelta> applied;
   needs_snapshot_ = false;
   for (auto next = waiting_.begin(); next != waiting_.end();) {
     if (IsOutdated(*next)) {
       next = waiting_.erase(next);
-    } else if (Fits(*next) && TryApply(&*next)) {
+    } else if (Fits(*next) && TryApply(&*next, elsewhere)) {
       needs_snapshot_ = false;
       applied.push_back(std::move(*next));
       waiting_.erase(next);

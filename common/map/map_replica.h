@@ -34,6 +34,8 @@ class MapReplica {
   const std::map<KeyFrameId, std::shared_ptr<const KeyFrameData>>& keyframe_data() const { return data_; }
   /// Goes on without a keyframe's orientations and descriptors, which are kept elsewhere. No effect for an unknown one.
   void DropAppearance(KeyFrameId id);
+  /// Goes on with the whole data of a keyframe again. No effect for an unknown one.
+  void RestoreAppearance(std::shared_ptr<const KeyFrameData> data);
   /// Forgets data that is not in the map.
   void DropKeyFrameData(KeyFrameId id);
 
@@ -41,7 +43,9 @@ class MapReplica {
   void AddDelta(MapDelta delta);
   /// Applies what can be applied now. @return the deltas applied, in order: for what hangs on the map (tracker's
   /// matches, anchors). A snapshot lists as removed the keyframes that the replica had and it has not.
-  std::vector<MapDelta> ApplyPending();
+  /// @param elsewhere where data of keyframes is looked for that is not here (another map's replica, of which this map
+  /// takes keyframes in: they were published once, and need not come again). May be null.
+  std::vector<MapDelta> ApplyPending(const Map::FindData& elsewhere = nullptr);
 
   /// True while a delta waits that does not fit. Keyframe data often follows its delta by a moment: the caller sends
   /// MakeRequest() when this has held for a while (kPatienceMs), and not more often than that.
@@ -60,7 +64,7 @@ class MapReplica {
  private:
   bool IsOutdated(const MapDelta& delta);
   bool Fits(const MapDelta& delta) const;
-  bool TryApply(MapDelta* delta);
+  bool TryApply(MapDelta* delta, const Map::FindData& elsewhere);
 
   static constexpr size_t kMaxWaiting = 256;
   Map map_;

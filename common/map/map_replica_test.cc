@@ -76,6 +76,15 @@ TEST_F(ReplicaTest, WaitsForKeyFrameData) {
   ExpectInStep();
 }
 
+TEST_F(ReplicaTest, FindsKeyFrameDataElsewhereAndKeepsIt) {
+  for (const MapDelta& delta : MakeDeltas(5)) replica_.AddDelta(delta);
+  EXPECT_THAT(replica_.ApplyPending([](KeyFrameId) { return nullptr; }), IsEmpty());
+  EXPECT_THAT(replica_.last_problem(), HasSubstr("is missing"));
+  EXPECT_EQ(replica_.ApplyPending(edits_.FindData()).size(), 5u);
+  ExpectInStep();
+  for (const auto& [id, keyframe] : owner_.keyframes()) EXPECT_EQ(replica_.FindKeyFrameData(id), keyframe.data);
+}
+
 TEST_F(ReplicaTest, AGapAsksForASnapshotWhichClosesIt) {
   std::vector<MapDelta> deltas = MakeDeltas(10);
   deltas.erase(deltas.begin() + 4);

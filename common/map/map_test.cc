@@ -238,7 +238,7 @@ TEST_F(SmallMapTest, DataWithoutAppearanceKeepsWhatDistancesComeFrom) {
   EXPECT_EQ(bare->features.octaves, whole.features.octaves);
   EXPECT_FALSE(bare->features.HasAppearance());
   EXPECT_TRUE(whole.features.HasAppearance());
-  EXPECT_THROW(map_.DropAppearance(ids_[1], bare), CheckFailure);  // another's
+  EXPECT_THROW(map_.ReplaceData(ids_[1], bare), CheckFailure);  // another's
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
 #include "map/replica_set.h"
 
+#include <algorithm>
 #include <utility>
 
 namespace portolan {
@@ -18,7 +19,42 @@ MapReplica& ReplicaSet::Replica(MapId map) {
   return replicas_.try_emplace(map, map).first->second;
 }
 
+/// In any map: whoever looks knows that it is not in its own.
+std::shared_ptr<const KeyFrameData> ReplicaSet::FindKeyFrameData(KeyFrameId id) const {
+  for (const auto& [map, replica] : replicas_) {
+    if (auto found = replica.FindKeyFrameData(id)) return found;
+  }
+  return nullptr;
+}
+
+bool ReplicaSet::IsRemoved(MapId map, Epoch epoch) const {
+  const auto removed = removed_.find(map);
+  return removed != removed_.end() && epoch <= removed->second;
+}
+
+void ReplicaSet::Forget(MapId map) {
+  replicas_.erase(map);
+  watches_.erase(map);
+}
+
+void ReplicaSet::Remove(MapId map) {
+  Epoch& epoch = removed_[map];
+  if (const auto replica = replicas_.find(map); replica != replicas_.end()) epoch = std::max(epoch, replica->second.map().epoch());
+  if (const auto watch = watches_.find(map); watch != watches_.end()) epoch = std::max(epoch, watch->second.epoch);
+  Forget(map);
+}
+
+void ReplicaSet::Remove(MapId map, MapId taken_into) {
+  const auto from = replicas_.find(map);
+  const auto into = replicas_.find(taken_into);
+  if (from != replicas_.end() && into != replicas_.end() && from != into) {
+    for (const auto& [id, data] : from->second.keyframe_data()) into->second.AddKeyFrameData(data);
+  }
+  Remove(map);
+}
+
 void ReplicaSet::AddKeyFrameData(MapId map, std::shared_ptr<const KeyFrameData> data) {
+  if (IsRemoved(map, 0)) return;  // one that comes back begins with a delta or an announcement
   MapReplica& replica = Replica(map);
   replica.AddKeyFrameData(std::move(data));
   const bool expects_snapshot =
@@ -37,6 +73,8 @@ void ReplicaSet::DropUnusedData(MapReplica* replica) {
 
 void ReplicaSet::AddDelta(MapDelta delta) {
   const MapId map = delta.map;
+  if (IsRemoved(map, delta.epoch)) return;
+  removed_.erase(map);
   Replica(map).AddDelta(std::move(delta));
 }
 
@@ -45,6 +83,8 @@ void ReplicaSet::AddChunk(MapDeltaChunk chunk) {
 }
 
 void ReplicaSet::Announce(MapId map, Epoch epoch, Revision revision) {
+  if (IsRemoved(map, epoch)) return;
+  removed_.erase(map);
   Replica(map);
   Watch& watch = watches_[map];
   if (std::make_pair(epoch, revision) <= std::make_pair(watch.epoch, watch.revision)) return;
@@ -54,9 +94,10 @@ void ReplicaSet::Announce(MapId map, Epoch epoch, Revision revision) {
 
 std::vector<MapDelta> ReplicaSet::ApplyPending() {
   std::vector<MapDelta> applied;
+  const auto elsewhere = [this](KeyFrameId id) { return FindKeyFrameData(id); };
   for (auto& [id, replica] : replicas_) {
     if (replica.waiting() == 0) continue;
-    for (MapDelta& delta : replica.ApplyPending()) applied.push_back(std::move(delta));
+    for (MapDelta& delta : replica.ApplyPending(elsewhere)) applied.push_back(std::move(delta));
   }
   return applied;
 }
@@ -94,6 +135,12 @@ Revision ReplicaSet::Lag(MapId map) const {
   return state.epoch() == watch->second.epoch && state.revision() < watch->second.revision
              ? watch->second.revision - state.revision()
              : 0;
+}
+
+bool ReplicaSet::IsBehind(MapId map) const {
+  const auto replica = replicas_.find(map);
+  const auto watch = watches_.find(map);
+  return replica != replicas_.end() && watch != watches_.end() && IsBehind(replica->second.map(), watch->second);
 }
 
 MapReplica::Counters ReplicaSet::counters() const {

@@ -21,14 +21,26 @@ class ReplicaSet {
   void AddKeyFrameData(MapId map, std::shared_ptr<const KeyFrameData> data);
   /// See MapReplica. Of a map that is known.
   void DropAppearance(MapId map, KeyFrameId keyframe) { replicas_.at(map).DropAppearance(keyframe); }
+  void RestoreAppearance(MapId map, std::shared_ptr<const KeyFrameData> data) { replicas_.at(map).RestoreAppearance(std::move(data)); }
   /// A whole delta, as from a store.
   void AddDelta(MapDelta delta);
   void AddChunk(MapDeltaChunk chunk);
   /// Someone says that the map has come so far: one that stays behind has lost its last deltas, or come late, and asks.
   void Announce(MapId map, Epoch epoch, Revision revision);
 
-  /// Applies what can be applied, of all maps. @return the deltas applied, in order (see MapReplica::ApplyPending).
+  /// Applies what can be applied, of all maps; a map finds the data of keyframes that came from another in that one's
+  /// replica. @return the deltas applied, in order (see MapReplica::ApplyPending).
   std::vector<MapDelta> ApplyPending();
+
+  /// Forgets a map that is of no interest any more; what comes of it later is followed again.
+  void Forget(MapId map);
+  /// Forgets a map that is no more: what still comes of it is ignored, up to the last epoch that was heard of here. Does
+  /// no harm to an unknown one.
+  void Remove(MapId map);
+  /// The same for a map that was taken into another: its keyframe data passes on, for the delta that will name it.
+  void Remove(MapId map, MapId taken_into);
+  /// Whether what comes of the map in this epoch (0: in none that is known) is ignored.
+  bool IsRemoved(MapId map, Epoch epoch) const;
 
   /// Requests for maps that have waited for long enough; for each once a second at most.
   std::vector<SnapshotRequest> DueRequests(double now_s, ProcessId asker);
@@ -38,6 +50,8 @@ class ReplicaSet {
   bool IsEmpty(MapId map) const;
   /// Revisions that the map is behind what was announced; 0 across epochs.
   Revision Lag(MapId map) const;
+  /// Whether its owner has announced more of the map, or another epoch of it, than is here.
+  bool IsBehind(MapId map) const;
   /// Sums over all replicas.
   MapReplica::Counters counters() const;
 
@@ -59,11 +73,13 @@ class ReplicaSet {
   };
 
   MapReplica& Replica(MapId map);
+  std::shared_ptr<const KeyFrameData> FindKeyFrameData(KeyFrameId id) const;
   void DropUnusedData(MapReplica* replica);
   bool IsBehind(const Map& map, const Watch& watch) const;
 
   std::map<MapId, MapReplica> replicas_;
   std::map<MapId, Watch> watches_;
+  std::map<MapId, Epoch> removed_;  // with the last epoch heard of
   DeltaAssembler assembler_;
 };
 

@@ -89,12 +89,15 @@ TEST_F(ReplicaSetTest, NoticesThatTheLastDeltaIsMissing) {
   EXPECT_TRUE(set_.DueRequests(0, kAsker).empty());
   set_.Announce(a_.id(), a_.epoch(), a_.revision());
   EXPECT_EQ(set_.Lag(a_.id()), 1u);
+  EXPECT_TRUE(set_.IsBehind(a_.id()));
+  EXPECT_FALSE(set_.IsBehind(b_.id()));
   EXPECT_TRUE(set_.DueRequests(1, kAsker).empty());
   EXPECT_EQ(set_.DueRequests(1 + ReplicaSet::kAnnouncedPatienceS, kAsker).size(), 1u);
   SendData(a_, edits_a_);
   set_.AddDelta(a_.Snapshot());
   set_.ApplyPending();
   EXPECT_EQ(set_.Lag(a_.id()), 0u);
+  EXPECT_FALSE(set_.IsBehind(a_.id()));
   EXPECT_TRUE(set_.DueRequests(100, kAsker).empty());
 }
 
@@ -134,6 +137,72 @@ TEST_F(ReplicaSetTest, ForgetsDataThatNoDeltaUses) {
   EXPECT_LE(data.size(), used + ReplicaSet::kMaxUnusedData);
   EXPECT_EQ(data.count(KeyFrameId(0, 1, 1199)), 1u) << "the newest is kept";
   for (const auto& [id, keyframe] : a_.keyframes()) EXPECT_EQ(data.count(id), 1u);
+}
+
+/// The owner of two maps takes one into the other: no data comes again.
+TEST_F(ReplicaSetTest, AMapFindsKeyFramesThatCameFromAnother) {
+  a_ = Map(a_.id(), 1);
+  Random random(8);
+  const auto own = RandomEdits::MakeData(KeyFrameId(0, 7, 1), &random);
+  a_.AddKeyFrame(own, Rigid3d(), KeyFrameId());
+  set_.AddKeyFrameData(a_.id(), own);
+  set_.AddDelta(a_.TakeDelta());
+  for (int i = 0; i < 20; ++i) edits_b_.Next();
+  static_cast<void>(b_.TakeDelta());
+  SendData(b_, edits_b_);
+  set_.AddDelta(b_.Snapshot());
+  EXPECT_EQ(set_.ApplyPending().size(), 2u);
+
+  for (const auto& [id, keyframe] : b_.keyframes()) a_.AddKeyFrame(keyframe.data, keyframe.camera_from_map, KeyFrameId());
+  for (const auto& [id, keyframe] : b_.keyframes()) a_.SetParent(id, keyframe.parent.IsValid() ? keyframe.parent : own->id);
+  set_.AddDelta(a_.TakeDelta());
+  EXPECT_EQ(set_.ApplyPending().size(), 1u);
+  ExpectEqual(a_);
+  set_.Remove(b_.id());
+  EXPECT_EQ(set_.replicas().count(b_.id()), 0u);
+  for (const auto& [id, keyframe] : b_.keyframes()) EXPECT_EQ(set_.replicas().at(a_.id()).FindKeyFrameData(id), keyframe.data);
+}
+
+TEST_F(ReplicaSetTest, DataOfAMapTakenInPassesOnBeforeTheDeltaThatNamesIt) {
+  set_.Announce(a_.id(), 1, 1);
+  SendData(b_, edits_b_);
+  set_.AddDelta(b_.TakeDelta());
+  set_.ApplyPending();
+  set_.Remove(b_.id(), a_.id());
+  for (const auto& [id, keyframe] : b_.keyframes()) EXPECT_EQ(set_.replicas().at(a_.id()).FindKeyFrameData(id), keyframe.data);
+  set_.Remove(a_.id(), b_.id());  // into an unknown one: all is forgotten
+  EXPECT_TRUE(set_.replicas().empty());
+}
+
+TEST_F(ReplicaSetTest, WhatComesOfARemovedMapIsIgnored) {
+  FollowOneChange();
+  set_.Announce(a_.id(), 2, 1);
+  set_.ApplyPending();
+  set_.Remove(a_.id());
+  FollowOneChange();
+  set_.Announce(a_.id(), 2, 9);
+  set_.ApplyPending();
+  EXPECT_EQ(set_.replicas().count(a_.id()), 0u);
+  EXPECT_TRUE(set_.IsEmpty(a_.id()));
+  EXPECT_TRUE(set_.DueRequests(100, kAsker).empty());
+  // Imported again, it has a new owner.
+  a_.SetEpoch(3);
+  set_.AddDelta(a_.Snapshot());
+  SendData(a_, edits_a_);
+  set_.ApplyPending();
+  ExpectEqual(a_);
+}
+
+TEST_F(ReplicaSetTest, AForgottenMapIsFollowedAgain) {
+  FollowOneChange();
+  set_.ApplyPending();
+  set_.Forget(a_.id());
+  set_.Remove(MapId(9, 9, 9));
+  EXPECT_TRUE(set_.replicas().empty());
+  SendData(a_, edits_a_);
+  set_.AddDelta(a_.Snapshot());
+  set_.ApplyPending();
+  ExpectEqual(a_);
 }
 
 }  // namespace

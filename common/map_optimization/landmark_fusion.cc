@@ -42,6 +42,7 @@ bool HasMoreObservations(const MapPoint& a, const MapPoint& b) {
 void FuseIntoKeyFrame(Map* map, KeyFrameId target, const std::vector<MapPointId>& points,
                       const LandmarkFusionOptions& options, FusionResult* result) {
   const KeyFrameView view(map->keyframe(target));
+  if (!view.data().features.HasAppearance()) return;
   std::vector<uint32_t> nearby;
   for (const MapPointId id : points) {
     const MapPoint* point = map->FindPoint(id);

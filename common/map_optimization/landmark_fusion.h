@@ -26,7 +26,7 @@ struct FusionResult {
 /// finds a feature with its descriptor, it gains an observation, or, if the feature is a landmark already, the two
 /// become one.
 /// @param points ids; those that don't exist (any more) or are seen by the keyframe are passed over.
-/// Derived fields of the points must be up to date. Adds to `result`.
+/// Derived fields of the points must be up to date. In a keyframe without descriptors nothing is found. Adds to `result`.
 void FuseIntoKeyFrame(Map* map, KeyFrameId target, const std::vector<MapPointId>& points,
                       const LandmarkFusionOptions& options, FusionResult* result);
 

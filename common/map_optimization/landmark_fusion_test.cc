@@ -85,6 +85,14 @@ TEST_F(LandmarkFusionTest, PassesOverWhatIsGoneOrSeen) {
   EXPECT_TRUE(result.merges.empty());
 }
 
+TEST_F(LandmarkFusionTest, FindsNothingInAKeyFrameWithoutDescriptors) {
+  map_.DropAppearance(last_, WithoutAppearance(*map_.keyframe(last_).data));
+  FusionResult result;
+  FuseIntoKeyFrame(&map_, last_, LandmarksOf(map_, first_), LandmarkFusionOptions(), &result);
+  EXPECT_TRUE(result.observations.empty());
+  EXPECT_TRUE(result.merges.empty());
+}
+
 TEST_F(LandmarkFusionTest, LandmarksOfKeyFramesComeOnce) {
   const std::vector<MapPointId> points = LandmarksOf(map_, {first_[0], first_[1]});
   EXPECT_EQ(std::set<MapPointId>(points.begin(), points.end()).size(), points.size());

@@ -1,12 +1,12 @@
 #include "map_optimization/loop_correction.h"
 
 #include <algorithm>
-#include <cmath>
 #include <string>
 #include <unordered_map>
 #include <unordered_set>
 
 #include "base/time.h"
+#include "map_optimization/correction_steps.h"
 #include "map_optimization/depth_ratio.h"
 #include "map_optimization/map_correction.h"
 #include "map_optimization/window_problem.h"
@@ -23,19 +23,14 @@ bool IsRaised(const std::atomic<bool>* stop) {
   return stop != nullptr && stop->load(std::memory_order_relaxed);
 }
 
-Error Interrupted() {
-  return Error{"loop correction: interrupted"};
-}
-
 Status CheckLoop(const Map& map, const LoopClosure& loop) {
   const std::string name = "loop of " + ToString(loop.current) + " and " + ToString(loop.matched);
   if (loop.current == loop.matched) return Error{name + ": one keyframe"};
   for (const KeyFrameId id : {loop.current, loop.matched}) {
     if (map.FindKeyFrame(id) == nullptr) return Error{name + ": " + ToString(id) + " is not in the map"};
   }
-  const Sim3d& s = loop.current_from_matched;
-  if (!std::isfinite(s.scale) || !(s.scale > 0) || !s.rotation.coeffs().allFinite() || !s.translation.allFinite()) {
-    return Error{name + ": current_from_matched is no similarity, scale " + std::to_string(s.scale)};
+  if (!IsSimilarity(loop.current_from_matched)) {
+    return Error{name + ": current_from_matched is no similarity, scale " + std::to_string(loop.current_from_matched.scale)};
   }
   return Ok{};
 }
@@ -59,12 +54,14 @@ bool IsSeenBy(const MapPoint& point, const KeyFrameSet& keyframes) {
 /// The steps of CorrectLoop, in order, and what they hand on.
 class LoopCorrector {
  public:
-  LoopCorrector(const Map& map, const LoopClosure& loop, const LoopCorrectionOptions& options,
+  LoopCorrector(const Map& map, const LoopClosure& loop, const CorrectionFrame& frame, const LoopCorrectionOptions& options,
                 const std::atomic<bool>* stop)
-      : before_(map), loop_(loop), options_(options), stop_(stop), map_(map) {
+      : before_(map), loop_(loop), frame_(frame), options_(options), stop_(stop), map_(map) {
     matched_side_ = Neighbourhood(map, loop.matched, options.min_common, options.max_matched_side, {loop.current});
     in_matched_side_.insert(matched_side_.begin(), matched_side_.end());
-    window_ = Neighbourhood(map, loop.current, options.min_common, options.max_window, in_matched_side_);
+    KeyFrameSet others = frame.held;
+    others.insert(matched_side_.begin(), matched_side_.end());
+    window_ = Neighbourhood(map, loop.current, options.min_common, options.max_window, others);
     in_window_.insert(window_.begin(), window_.end());
   }
 
@@ -73,8 +70,10 @@ class LoopCorrector {
   Status Weld();
   Status OptimizeGraph();
   MapCorrection MakeCorrection() const;
+  Error Interrupted() const { return Failed("interrupted"); }
 
  private:
+  Error Failed(const std::string& reason) const { return Error{frame_.kind + " correction: " + reason}; }
   void FuseGiven();
   void TakeWelded(const WindowProblem& solved);
   int CountWelded() const;
@@ -86,6 +85,7 @@ class LoopCorrector {
 
   const Map& before_;
   const LoopClosure& loop_;
+  const CorrectionFrame& frame_;
   const LoopCorrectionOptions& options_;
   const std::atomic<bool>* stop_;
   Map map_;  // corrected step by step
@@ -161,22 +161,21 @@ Status LoopCorrector::Weld() {
     if (observers.count(id) == 1) window.fixed.push_back(id);
   }
   if (window.fixed.size() < kMinFixed) {
-    return Error{"loop correction: " + std::to_string(window.fixed.size()) +
-                 " keyframes of the matched side see what the " + std::to_string(window_.size()) +
-                 " around the current one see, expected at least 2"};
+    return Failed(std::to_string(window.fixed.size()) + " keyframes of the matched side see what the " +
+                  std::to_string(window_.size()) + " around the current one see, expected at least 2");
   }
   WindowProblem problem = MakeWindowProblem(map_, window);
   BundleOptions bundle;
   bundle.max_iterations = options_.bundle_iterations;
   const BundleSummary summary = AdjustBundleGradually(&problem.problem, bundle, stop_);
   if (summary.interrupted) return Interrupted();
-  if (!summary.converged_or_stopped) return Error{"loop correction: the welding BA failed"};
+  if (!summary.converged_or_stopped) return Failed("the welding BA failed");
   TakeSolution(window, problem, &map_);
   RemoveOutliers(problem, options_.bundle_chi2, &map_);
   TakeWelded(problem);
   if (const int welded = CountWelded(); welded < options_.min_welded_landmarks) {
-    return Error{"loop correction: both sides see " + std::to_string(welded) +
-                 " landmarks after the welding BA, expected at least " + std::to_string(options_.min_welded_landmarks)};
+    return Failed("both sides see " + std::to_string(welded) + " landmarks after the welding BA, expected at least " +
+                  std::to_string(options_.min_welded_landmarks));
   }
   return Ok{};
 }
@@ -225,6 +224,7 @@ void LoopCorrector::AddLoopEdges() {
 
 Status LoopCorrector::OptimizeGraph() {
   graph_ = MakeEssentialGraph(before_, loop_.earlier_edges, options_.graph);
+  for (const KeyFrameId id : frame_.held) graph_.graph.nodes[graph_.IndexOf(id)].fixed = true;
   std::vector<bool> is_welded(graph_.keyframes.size(), false);
   for (const KeyFrameId id : window_) {
     PoseGraph::Node& node = graph_.graph.nodes[graph_.IndexOf(id)];
@@ -240,7 +240,7 @@ Status LoopCorrector::OptimizeGraph() {
   AddLoopEdges();
   const PoseGraphSummary summary = OptimizePoseGraph(&graph_.graph, PoseGraphOptions(), stop_);
   if (summary.interrupted) return Interrupted();
-  if (!summary.converged_or_stopped) return Error{"loop correction: the pose graph could not be optimised"};
+  if (!summary.converged_or_stopped) return Failed("the pose graph could not be optimised");
   return Ok{};
 }
 
@@ -265,8 +265,10 @@ Eigen::Vector3f LoopCorrector::FinalPosition(const MapPoint& point) const {
 }
 
 MapCorrection LoopCorrector::MakeCorrection() const {
-  MapCorrection correction = EmptyCorrection(before_, "loop");
-  for (const KeyFrameId id : graph_.keyframes) correction.keyframes.push_back({id, graph_.camera_from_map(id)});
+  MapCorrection correction = EmptyCorrection(before_, frame_.kind);
+  for (const KeyFrameId id : graph_.keyframes) {
+    if (frame_.held.count(id) == 0) correction.keyframes.push_back({id, graph_.camera_from_map(id)});
+  }
   for (const MapPointId id : welded_points_) {
     const MapPoint& point = map_.point(id);
     if (!IsGivenOut(point)) continue;
@@ -290,26 +292,31 @@ MapCorrection LoopCorrector::MakeCorrection() const {
 
 Result<MapCorrection> CorrectLoop(const Map& map, const LoopClosure& loop, const LoopCorrectionOptions& options,
                                   const std::atomic<bool>* stop, StageTimes* times) {
+  return CorrectLoop(map, loop, CorrectionFrame(), options, stop, times);
+}
+
+Result<MapCorrection> CorrectLoop(const Map& map, const LoopClosure& loop, const CorrectionFrame& frame, const LoopCorrectionOptions& options,
+                                  const std::atomic<bool>* stop, StageTimes* times) {
   if (Status checked = CheckLoop(map, loop); !checked.ok()) return checked.error();
   Stopwatch watch;
   const auto end_stage = [&](const char* stage) {
-    if (times != nullptr) times->Add(stage, watch.Milliseconds());
+    if (times != nullptr) times->Add(frame.kind + stage, watch.Milliseconds());
     watch.Restart();
   };
-  LoopCorrector corrector(map, loop, options, stop);
+  LoopCorrector corrector(map, loop, frame, options, stop);
   corrector.CorrectWindow();
-  end_stage("loop_window");
+  end_stage("_window");
   Status status = corrector.FuseDuplicates();
-  end_stage("loop_fusion");
+  end_stage("_fusion");
   if (status.ok()) {
     status = corrector.Weld();
-    end_stage("loop_welding");
+    end_stage("_welding");
   }
   if (status.ok()) {
     status = corrector.OptimizeGraph();
-    end_stage("loop_graph");
+    end_stage("_graph");
   }
-  if (status.ok() && IsRaised(stop)) status = Interrupted();
+  if (status.ok() && IsRaised(stop)) status = corrector.Interrupted();
   if (!status.ok()) return status.error();
   return corrector.MakeCorrection();
 }

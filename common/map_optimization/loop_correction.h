@@ -2,6 +2,8 @@
 
 #include <atomic>
 #include <cstdint>
+#include <string>
+#include <unordered_set>
 #include <utility>
 #include <vector>
 
@@ -54,6 +56,17 @@ struct LoopCorrectionOptions {
 /// `stop` (may be null) is looked at between and within the steps. `times` (may be null) gets loop_window, loop_fusion,
 /// loop_welding, loop_graph. Deterministic.
 Result<MapCorrection> CorrectLoop(const Map& map, const LoopClosure& loop, const LoopCorrectionOptions& options,
+                                  const std::atomic<bool>* stop, StageTimes* times);
+
+/// What moves when a gap is closed, and what the proposal is.
+struct CorrectionFrame {
+  std::string kind = "loop";            ///< of the proposal, its stage times and reasons
+  std::unordered_set<KeyFrameId> held;  ///< keyframes of the map that stay where they are; none: its first one alone
+};
+
+/// The same where some keyframes are held, the matched one among them (map fusion: all of the older map): they are not
+/// in the proposal.
+Result<MapCorrection> CorrectLoop(const Map& map, const LoopClosure& loop, const CorrectionFrame& frame, const LoopCorrectionOptions& options,
                                   const std::atomic<bool>* stop, StageTimes* times);
 
 }  // namespace portolan

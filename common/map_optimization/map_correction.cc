@@ -1,132 +1,10 @@
 #include "map_optimization/map_correction.h"
 
 #include <algorithm>
-#include <cmath>
-#include <string>
-#include <unordered_map>
 
-#include "geometry/sim3.h"
+#include "map_optimization/correction_steps.h"
 
 namespace portolan {
-namespace {
-
-Status CheckFits(const MapCorrection& correction, const Map& map) {
-  const std::string name =
-      "correction " + std::to_string(correction.number) + " (" + correction.kind + ") of " + ToString(correction.map);
-  if (correction.map != map.id()) return Error{name + ": the map here is " + ToString(map.id())};
-  if (correction.epoch != map.epoch()) {
-    return Error{name + ": made in epoch " + std::to_string(correction.epoch) + ", now it is " +
-                 std::to_string(map.epoch())};
-  }
-  if (correction.made_from_revision > map.revision()) {
-    return Error{name + ": made from revision " + std::to_string(correction.made_from_revision) + ", the map is at " +
-                 std::to_string(map.revision())};
-  }
-  bool any = false;
-  for (const auto& keyframe : correction.keyframes) {
-    const Sim3d& s = keyframe.camera_from_map;
-    if (!std::isfinite(s.scale) || !(s.scale > 0) || !s.rotation.coeffs().allFinite() || !s.translation.allFinite()) {
-      return Error{name + ": keyframe " + ToString(keyframe.id) + " has a pose that is not a similarity, scale " +
-                   std::to_string(s.scale)};
-    }
-    any = any || map.FindKeyFrame(keyframe.id) != nullptr;
-  }
-  for (const auto& point : correction.points) {
-    if (!point.position_in_map.allFinite()) return Error{name + ": point " + ToString(point.id) + " is not finite"};
-  }
-  if (!any)
-    return Error{name + ": none of its " + std::to_string(correction.keyframes.size()) + " keyframes is in the map"};
-  return Ok{};
-}
-
-/// What the correction does to a keyframe.
-struct CorrectedKeyFrame {
-  Sim3d camera_from_map;  // given, or that of the nearest corrected ancestor and the unchanged relative pose
-  Sim3d new_from_old;     // of the map around it: what points do that follow it
-  Eigen::Vector3d old_centre;
-};
-
-using CorrectedKeyFrames = std::unordered_map<KeyFrameId, CorrectedKeyFrame>;
-
-Sim3d FindCorrected(const Map& map, const std::unordered_map<KeyFrameId, Sim3d>& given, KeyFrameId id) {
-  for (KeyFrameId ancestor = id; ancestor.IsValid(); ancestor = map.keyframe(ancestor).parent) {
-    const auto found = given.find(ancestor);
-    if (found == given.end()) continue;
-    if (ancestor == id) return found->second;
-    const Rigid3d own_from_ancestor =
-        map.keyframe(id).camera_from_map * map.keyframe(ancestor).camera_from_map.Inverse();
-    return Sim3d(own_from_ancestor) * found->second;
-  }
-  return Sim3d(map.keyframe(id).camera_from_map);  // older than all of the correction: it stays
-}
-
-CorrectedKeyFrames CorrectKeyFrames(const MapCorrection& correction, const Map& map) {
-  std::unordered_map<KeyFrameId, Sim3d> given;
-  for (const auto& keyframe : correction.keyframes) given.emplace(keyframe.id, keyframe.camera_from_map);
-  CorrectedKeyFrames corrected;
-  for (const auto& [id, keyframe] : map.keyframes()) {
-    const Sim3d camera_from_map = FindCorrected(map, given, id);
-    corrected.emplace(id,
-                      CorrectedKeyFrame{camera_from_map, camera_from_map.Inverse() * Sim3d(keyframe.camera_from_map),
-                                        keyframe.camera_from_map.TargetOriginInSource()});
-  }
-  return corrected;
-}
-
-/// The keyframe that sees the point from nearest: what it is off in position shows least there.
-const CorrectedKeyFrame& NearestObserver(const CorrectedKeyFrames& corrected, const MapPoint& point) {
-  const Eigen::Vector3d position = point.position_in_map.cast<double>();
-  const CorrectedKeyFrame* nearest = nullptr;
-  double least = 0;
-  for (const Observation& o : point.observations) {
-    const CorrectedKeyFrame& observer = corrected.at(o.keyframe);
-    const double distance = (observer.old_centre - position).squaredNorm();
-    if (nearest != nullptr && distance >= least) continue;
-    nearest = &observer;
-    least = distance;
-  }
-  return *nearest;
-}
-
-/// New positions of the points that move.
-std::vector<std::pair<MapPointId, Eigen::Vector3f>> CorrectPoints(const MapCorrection& correction, const Map& map,
-                                                                  const CorrectedKeyFrames& corrected) {
-  std::unordered_map<MapPointId, Eigen::Vector3f> given;
-  for (const auto& point : correction.points) given.emplace(point.id, point.position_in_map);
-  std::vector<std::pair<MapPointId, Eigen::Vector3f>> moved;
-  moved.reserve(map.points().size());
-  for (const auto& [id, point] : map.points()) {
-    Eigen::Vector3f position = point.position_in_map;
-    if (const auto found = given.find(id); found != given.end()) {
-      position = found->second;
-    } else if (!point.observations.empty()) {  // paper Eq. (14)
-      position = (NearestObserver(corrected, point).new_from_old * position.cast<double>()).cast<float>();
-    }
-    if (position != point.position_in_map && position.allFinite()) moved.emplace_back(id, position);
-  }
-  std::sort(moved.begin(), moved.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
-  return moved;
-}
-
-std::vector<std::pair<MapPointId, MapPointId>> MergeAll(const MapCorrection& correction, Map* map) {
-  std::vector<std::pair<MapPointId, MapPointId>> merged;
-  for (const auto& [from, into] : correction.merges) {
-    if (from == into || map->FindPoint(from) == nullptr || map->FindPoint(into) == nullptr) continue;
-    map->MergePoints(from, into);
-    merged.emplace_back(from, into);
-  }
-  return merged;
-}
-
-void AddObservations(const MapCorrection& correction, Map* map) {
-  for (const auto& [point, observation] : correction.observations) {
-    const KeyFrame* keyframe = map->FindKeyFrame(observation.keyframe);
-    if (keyframe == nullptr || observation.feature >= keyframe->landmarks.num_features()) continue;
-    if (map->FindPoint(point) != nullptr) map->AddObservation(point, observation.keyframe, observation.feature);
-  }
-}
-
-}  // namespace
 
 MapCorrection EmptyCorrection(const Map& map, const std::string& kind) {
   MapCorrection correction;
@@ -138,14 +16,19 @@ MapCorrection EmptyCorrection(const Map& map, const std::string& kind) {
 }
 
 Result<std::vector<std::pair<MapPointId, MapPointId>>> ApplyMapCorrection(const MapCorrection& correction, Map* map) {
-  if (Status fits = CheckFits(correction, *map); !fits.ok()) return fits.error();
+  if (Status checked = CheckCorrection(correction, *map); !checked.ok()) return checked.error();
+  const bool any = std::any_of(correction.keyframes.begin(), correction.keyframes.end(),
+                               [&](const auto& keyframe) { return map->FindKeyFrame(keyframe.id) != nullptr; });
+  if (!any) {
+    return Error{NameOf(correction) + ": none of its " + std::to_string(correction.keyframes.size()) + " keyframes is in the map"};
+  }
   // All is computed from the map as it is, then changed.
-  const CorrectedKeyFrames corrected = CorrectKeyFrames(correction, *map);
-  const auto positions = CorrectPoints(correction, *map, corrected);
-  for (const auto& [id, keyframe] : corrected) map->SetPose(id, MakeRigid(keyframe.camera_from_map));
-  for (const auto& [id, position] : positions) map->SetPosition(id, position);
-  auto merged = MergeAll(correction, map);
-  AddObservations(correction, map);
+  const MovedMap moved = MoveMap(correction, *map, Sim3d());
+  for (const auto& [id, camera_from_map] : moved.poses) map->SetPose(id, camera_from_map);
+  for (const auto& [id, position] : moved.points) {
+    if (position != map->point(id).position_in_map) map->SetPosition(id, position);
+  }
+  auto merged = JoinLandmarks(correction, map);
   map->RefreshDerived();
   return merged;
 }

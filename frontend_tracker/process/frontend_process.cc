@@ -2,11 +2,11 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <utility>
 
 #include "base/hash.h"
-
 #include "process/process_report.h"
 #include "process/run_output.h"
 
@@ -17,7 +17,8 @@ constexpr double kStatusPeriodS = 1.0;
 constexpr double kTickPeriodS = 0.1;
 constexpr auto kResendAfter = std::chrono::seconds(2);           // many times what a mapper takes for a keyframe
 constexpr auto kSnapshotRequestInterval = std::chrono::seconds(1);
-constexpr auto kLoopPatience = std::chrono::seconds(3);  // the loop_closer repeats its state once a second
+constexpr auto kAtlasPatience = std::chrono::seconds(2);  // for an answer that nothing depends on
+constexpr auto kMapPatience = std::chrono::seconds(5);    // of a lockstep run, for a map that the tracker is to go into
 constexpr auto kProgressInterval = std::chrono::milliseconds(500);
 
 const char* InWords(TrackingState state) {
@@ -25,9 +26,24 @@ const char* InWords(TrackingState state) {
     case TrackingState::kInitializing: return "initializing";
     case TrackingState::kTracking: return "tracking";
     case TrackingState::kRelocalizing: return "relocalizing";
-    case TrackingState::kLost: return "lost, making a new map";
+    case TrackingState::kLost: return "lost";
   }
   return "";
+}
+
+double SecondsNow() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
+
+/// For one robot now, unlike a fact: one that was given before this process began is not for it.
+bool IsOrder(const Command& command) {
+  switch (command.kind) {
+    case CommandKind::kActivateMap: return !command.other.IsValid();
+    case CommandKind::kNewMap:
+    case CommandKind::kPause:
+    case CommandKind::kResume:
+    case CommandKind::kLocalizeOnly:
+    case CommandKind::kMapAgain: return true;
+    default: return false;
+  }
 }
 
 double MillisecondsSince(std::chrono::steady_clock::time_point start) {
@@ -70,22 +86,26 @@ void FrontendProcess::ConnectReaders() {
     loop_->Post([this, state = std::move(state)] { OnMapper(state); });
   }));
   readers_.push_back(bus_->CreateReader<FollowerState>([this](FollowerState state) {
-    if (state.process.robot() != setup_.options.robot) return;
     loop_->Post([this, state] {
-      loop_state_ = state;
-      loop_heard_ = Clock::now();
+      const bool is_mine = state.process.robot() == setup_.options.robot;
+      if (!is_mine && (!state.map.IsValid() || state.map != tracker_.active_map())) return;  // another robot's, in a map of its own
+      loop_closer_is_ready_ = loop_closer_is_ready_ || is_mine;
+      followers_.OnState(state, SecondsNow());
       ReleasePumpIfReady();
     });
   }));
   readers_.push_back(bus_->CreateReader<KeyFrameMessage>([this](KeyFrameMessage message) {
     if (message.kind != KeyFrameKind::kCopy || message.vocabulary_hash != vocabulary_->hash()) return;
+    if (std::atomic_load(&followed_)->count(message.map) == 0) return;  // for somebody else
+    const MapId map = message.map;
     auto data = MakeKeyFrameData(std::move(message.data), vocabulary_.get());
-    loop_->Post([this, data = std::move(data)] { tracker_.AddKeyFrameData(data); });
+    loop_->Post([this, map, data = std::move(data)] { tracker_.AddKeyFrameData(map, data); });
+  }));
+  readers_.push_back(bus_->CreateReader<Command>([this](Command command) {
+    loop_->Post([this, command] { OnCommand(command); });
   }));
   readers_.push_back(bus_->CreateReader<Reply>([this](Reply reply) {
-    loop_->Post([this, reply = std::move(reply)] {
-      if (open_requests_.erase(reply.id) == 1 && !reply.ok) spdlog::warn("request refused: {}", reply.reason);
-    });
+    loop_->Post([this, reply = std::move(reply)] { OnReply(reply); });
   }));
   readers_.push_back(bus_->CreateReader<ProcessStatus>([this](ProcessStatus status) {
     if (status.process.robot() != setup_.options.robot && status.role != "atlas_server") return;
@@ -111,11 +131,9 @@ void FrontendProcess::CheckPeers() {
   const size_t others = roles_seen_.count("backend_mapper") + roles_seen_.count("loop_closer") + roles_seen_.count("atlas_server");
   const bool ready = roles_seen_.count("backend_mapper") == 1 && roles_seen_.count("atlas_server") == 1 &&
                      keyframe_writer_->MatchedReaders() >= static_cast<int>(others) && request_writer_->MatchedReaders() >= 1 &&
-                     (roles_seen_.count("loop_closer") == 0 || loop_state_.process.IsValid());
+                     (roles_seen_.count("loop_closer") == 0 || loop_closer_is_ready_);
   if (ready) {
-    spdlog::info("backend_mapper and atlas_server are there; starting");
-    phase_ = Phase::kRunning;
-    pump_.Start();
+    AskAtlas();
     return;
   }
   if (MillisecondsSince(phase_start_) < options_.peer_timeout_s * 1e3) return;
@@ -128,6 +146,62 @@ void FrontendProcess::CheckPeers() {
   exit_code_ = kExitUnreachable;
   phase_ = Phase::kOver;
   loop_->Stop();
+}
+
+/// Whether the atlas holds maps that the camera may be in is known before the first frame, if the atlas_server answers in time.
+void FrontendProcess::AskAtlas() {
+  phase_ = Phase::kAskingAtlas;
+  phase_start_ = Clock::now();
+  Send(tracker_.RequestFirstMap());
+  NoteFollowedMaps();
+  StartWhenAnswered();
+}
+
+void FrontendProcess::StartWhenAnswered() {
+  if (!open_requests_.empty() && Clock::now() - phase_start_ < kAtlasPatience) return;
+  spdlog::info("backend_mapper and atlas_server are there; starting");
+  phase_ = Phase::kRunning;
+  pump_.Start();
+}
+
+void FrontendProcess::OnCommand(const Command& command) {
+  const bool is_running = phase_ == Phase::kRunning || phase_ == Phase::kDraining;
+  if (IsOrder(command)) {
+    if (!is_running || command.robot != setup_.options.robot) return;
+    if (command.kind == CommandKind::kPause || command.kind == CommandKind::kResume) paused_ = command.kind == CommandKind::kPause;
+  }
+  tracker_.OnCommand(command);
+  NoteFollowedMaps();
+  AskForSnapshots();
+  ReleasePumpIfReady();
+}
+
+void FrontendProcess::OnReply(const Reply& reply) {
+  const auto open = open_requests_.find(reply.id);
+  if (open == open_requests_.end()) return;
+  const Request request = open->second.request;
+  open_requests_.erase(open);
+  if (!reply.ok) {
+    // A tracker goes on whatever the atlas_server says; that a place is not known is no news.
+    const auto level = request.kind == "new_map" ? spdlog::level::warn : spdlog::level::debug;
+    spdlog::log(level, "request {} refused: {}", request.kind, reply.reason);
+  }
+  tracker_.OnReply(request, reply);
+  if (phase_ == Phase::kAskingAtlas) StartWhenAnswered();
+  ReleasePumpIfReady();
+}
+
+/// For the transport threads, which pass over what is of other maps.
+void FrontendProcess::NoteFollowedMaps() {
+  const auto& replicas = tracker_.replicas();
+  const auto before = std::atomic_load(&followed_);
+  if (before->size() == replicas.size() &&
+      std::equal(before->begin(), before->end(), replicas.begin(), [](MapId map, const auto& entry) { return map == entry.first; })) {
+    return;
+  }
+  std::set<MapId> maps;
+  for (const auto& [map, replica] : replicas) maps.insert(map);
+  std::atomic_store(&followed_, std::make_shared<const std::set<MapId>>(std::move(maps)));
 }
 
 void FrontendProcess::OnFrame(PlayedFrame frame) {
@@ -146,23 +220,64 @@ void FrontendProcess::OnFrame(PlayedFrame frame) {
 }
 
 void FrontendProcess::Publish(const Tracker::Output& output) {
-  for (const MapId map : output.new_maps) {
-    Request request;
-    request.id = request_ids_.Next();
-    request.sender = setup_.process;
-    request.kind = "new_map";
-    request.map = map;
-    open_requests_[request.id] = request;
-    request_writer_->Write(request);
-  }
   for (const KeyFrameMessage& message : output.keyframes) {
-    published_[message.data.id] = Clock::now();
+    if (message.kind != KeyFrameKind::kQuery) published_[message.data.id] = Clock::now();
     keyframe_writer_->Write(message);
     last_send_ = Clock::now();
   }
+  Send(output.requests);
+  NoteFollowedMaps();
+  if (tracker_.active_map() != reported_map_) OnStatusTimer();  // who owns what depends on it
   TrackerState state = output.state;
   state.process = setup_.process;
   state_writer_->Write(state);
+}
+
+void FrontendProcess::Send(std::vector<Request> requests) {
+  for (Request& request : requests) {
+    request.id = request_ids_.Next();
+    request.sender = setup_.process;
+    spdlog::debug("request {} map {} other {} {}", request.kind, ToString(request.map), ToString(request.other), request.argument);
+    request_writer_->Write(request);
+    const RequestId id = request.id;
+    open_requests_[id] = {std::move(request), Clock::now()};
+  }
+}
+
+/// What has not been answered: the atlas_server may be down, and come again. Where the camera was is no question any more by then.
+void FrontendProcess::SendAgain() {
+  const auto now = Clock::now();
+  for (auto next = open_requests_.begin(); next != open_requests_.end();) {
+    OpenRequest& open = next->second;
+    if (now - open.sent < kResendAfter) {
+      ++next;
+    } else if (open.request.kind == "locate") {
+      next = open_requests_.erase(next);
+    } else {
+      request_writer_->Write(open.request);
+      open.sent = now;
+      ++next;
+    }
+  }
+  if (!tracker_.AwaitedKeyFrame() || now - last_send_ < kResendAfter) return;
+  spdlog::debug("the mapper has not answered: sending {} keyframes again", tracker_.num_unacknowledged());
+  for (const KeyFrameMessage& message : tracker_.UnacknowledgedKeyFrames()) keyframe_writer_->Write(message);
+  last_send_ = now;
+}
+
+void FrontendProcess::AskForSnapshots() {
+  const auto now = Clock::now();
+  const auto in_need = tracker_.ReplicasInNeed();
+  if (in_need.empty()) in_need_since_.reset();
+  if (!in_need.empty() && !in_need_since_) in_need_since_ = now;
+  if (in_need.empty() || now - last_snapshot_request_ < kSnapshotRequestInterval) return;
+  const bool is_patience_over = now - *in_need_since_ > std::chrono::milliseconds(MapReplica::kPatienceMs);
+  for (const MapReplica* replica : in_need) {
+    if (!is_patience_over && !tracker_.IsFresh(replica->map().id())) continue;
+    spdlog::debug("asking for a snapshot of map {}: {}", ToString(replica->map().id()), replica->last_problem());
+    snapshot_writer_->Write(replica->MakeRequest(setup_.process));
+    last_snapshot_request_ = now;
+  }
 }
 
 void FrontendProcess::OnDeltaChunk(MapDeltaChunk chunk) {
@@ -181,9 +296,9 @@ void FrontendProcess::OnDeltaChunk(MapDeltaChunk chunk) {
 }
 
 void FrontendProcess::OnMapper(const MapperState& state) {
+  if (!tracker_.OnMapperState(state)) return;
   const bool new_mapper = mapper_.process.IsValid() && mapper_.process != state.process;
   mapper_ = state;
-  tracker_.OnMapperState(state);
   if (state.refused_keyframe.IsValid() && state.refused_keyframe == state.last_keyframe) spdlog::debug("mapper refused {}: {}", ToString(state.refused_keyframe), state.refusal);
   if (new_mapper) {
     for (const KeyFrameMessage& message : tracker_.UnacknowledgedKeyFrames()) keyframe_writer_->Write(message);
@@ -197,22 +312,32 @@ bool FrontendProcess::MapperIsDone() const {
   return replica == tracker_.replicas().end() || replica->second.map().revision() >= mapper_.revision;
 }
 
-bool FrontendProcess::LoopIsDone() const {
-  if (!loop_state_.process.IsValid() || Clock::now() - loop_heard_ > kLoopPatience) return true;  // there is none, or none any more
-  if (!loop_state_.last_keyframe.IsValid()) return true;  // it came in between, and is told of the next keyframe
-  return !loop_state_.is_busy && loop_state_.last_keyframe == mapper_.last_keyframe;
+/// Of a lockstep run: whether the answer to a question or a map that was asked for is still to come.
+bool FrontendProcess::IsWaitingForAtlas() const {
+  for (const auto& [id, open] : open_requests_) {
+    if (open.request.kind == "locate") return true;
+  }
+  if (!in_need_since_ || Clock::now() - *in_need_since_ > kMapPatience) return false;
+  for (const MapReplica* replica : tracker_.ReplicasInNeed()) {
+    if (tracker_.IsFresh(replica->map().id())) return true;
+  }
+  return false;
+}
+
+bool FrontendProcess::OthersAreDone() const {
+  return MapperIsDone() && followers_.AreDone(mapper_.map, mapper_.last_keyframe, SecondsNow());
 }
 
 void FrontendProcess::ReleasePumpIfReady() {
   if (phase_ == Phase::kDraining) {
-    if (MapperIsDone() && LoopIsDone()) {  // a loop found with the last frames is in the map too
+    if (OthersAreDone()) {  // a loop found with the last frames is in the map too
       phase_ = Phase::kOver;
       loop_->Stop();
     }
     return;
   }
-  if (!frame_in_work_) return;
-  if (options_.playback.mode == PlaybackMode::kLockstep && !(MapperIsDone() && LoopIsDone())) return;
+  if (!frame_in_work_ || paused_) return;
+  if (options_.playback.mode == PlaybackMode::kLockstep && (!OthersAreDone() || IsWaitingForAtlas())) return;
   frame_in_work_ = false;
   pump_.Done();
 }
@@ -226,26 +351,10 @@ void FrontendProcess::OnEndOfSource() {
 void FrontendProcess::OnTick() {
   status_.AssertLiveliness();
   if (phase_ == Phase::kWaitingForPeers) CheckPeers();
+  if (phase_ == Phase::kAskingAtlas) StartWhenAnswered();
+  SendAgain();
+  AskForSnapshots();
   if (phase_ == Phase::kRunning) ReleasePumpIfReady();
-  const auto now = Clock::now();
-  if (tracker_.AwaitedKeyFrame() && now - last_send_ > kResendAfter) {
-    spdlog::debug("the mapper has not answered: sending {} keyframes again", tracker_.num_unacknowledged());
-    for (const KeyFrameMessage& message : tracker_.UnacknowledgedKeyFrames()) keyframe_writer_->Write(message);
-    for (const auto& [id, request] : open_requests_) request_writer_->Write(request);
-    last_send_ = now;
-  }
-  const auto in_need = tracker_.ReplicasInNeed();
-  if (in_need.empty()) {
-    in_need_since_.reset();
-  } else if (!in_need_since_) {
-    in_need_since_ = now;
-  } else if (now - *in_need_since_ > std::chrono::milliseconds(MapReplica::kPatienceMs) && now - last_snapshot_request_ > kSnapshotRequestInterval) {
-    for (const MapReplica* replica : in_need) {
-      spdlog::debug("asking for a snapshot of map {}: {}", ToString(replica->map().id()), replica->last_problem());
-      snapshot_writer_->Write(replica->MakeRequest(setup_.process));
-    }
-    last_snapshot_request_ = now;
-  }
   if (phase_ == Phase::kDraining && MillisecondsSince(phase_start_) > options_.peer_timeout_s * 1e3) {
     spdlog::warn("mapper and loop_closer did not finish within {} s of the last frame", options_.peer_timeout_s);
     phase_ = Phase::kOver;
@@ -253,7 +362,18 @@ void FrontendProcess::OnTick() {
   }
 }
 
+std::string FrontendProcess::StateInWords() const {
+  if (phase_ == Phase::kWaitingForPeers) return "waiting for peers";
+  if (phase_ == Phase::kAskingAtlas) return "waiting for the atlas_server";
+  std::string words = InWords(tracker_.state());
+  const bool is_in_map = tracker_.state() == TrackingState::kTracking || tracker_.state() == TrackingState::kRelocalizing;
+  if (is_in_map) words += " in map " + ToString(tracker_.active_map());
+  if (tracker_.localization_only()) words += ", localization only";
+  return paused_ ? "paused, " + words : words;
+}
+
 void FrontendProcess::OnStatusTimer() {
+  reported_map_ = tracker_.active_map();
   Revision revision = 0;
   Epoch epoch = 0;
   if (tracker_.active_map().IsValid()) {
@@ -262,11 +382,17 @@ void FrontendProcess::OnStatusTimer() {
     epoch = map.epoch();
   }
   const PlaybackReport playback = player_->report();
-  status_.Publish(phase_ == Phase::kWaitingForPeers ? "waiting for peers" : InWords(tracker_.state()), tracker_.active_map(), epoch, revision,
+  const MapEvents& events = tracker_.map_events();
+  status_.Publish(StateInWords(), tracker_.active_map(), epoch, revision,
                   {{"frames", static_cast<double>(frames_)},
                    {"tracked", static_cast<double>(tracked_online_)},
                    {"frames_dropped", static_cast<double>(playback.dropped)},
                    {"frames_unreadable", static_cast<double>(playback.unreadable)},
+                   {"maps", static_cast<double>(tracker_.replicas().size())},
+                   {"links", static_cast<double>(tracker_.links().num_links())},
+                   {"switches", static_cast<double>(events.switches)},
+                   {"fusions", static_cast<double>(events.fusions)},
+                   {"refused_moves", static_cast<double>(events.refusals)},
                    {"events_waiting", static_cast<double>(loop_->depth())},
                    {"events_dropped", static_cast<double>(loop_->dropped())},
                    {"unacknowledged_keyframes", static_cast<double>(tracker_.num_unacknowledged())}});
@@ -286,11 +412,31 @@ void FrontendProcess::ShowProgress(const TrackerState& state) {
   std::fflush(stdout);
 }
 
+void FrontendProcess::AddMapsTo(nlohmann::json* report, const RunTrajectories& trajectories) const {
+  size_t keyframes = 0, points = 0;
+  for (const auto& [id, number] : trajectories.map_numbers) {
+    const Map& map = tracker_.replicas().at(id).map();
+    keyframes += map.keyframes().size();
+    points += map.points().size();
+    (*report)["map_hash"][ToString(id)] = FormatHash(HashMap(map));
+  }
+  (*report)["maps"] = trajectories.map_numbers.size();
+  (*report)["keyframes"] = keyframes;
+  (*report)["points"] = points;
+  (*report)["links"] = tracker_.links().num_links();
+  (*report)["unlinked_maps"] = trajectories.unlinked_maps.size();
+  const MapEvents& events = tracker_.map_events();
+  (*report)["switches"] = events.switches;
+  (*report)["fusions"] = events.fusions;
+  (*report)["refused_moves"] = events.refusals;
+  (*report)["frames_to_new_map"] = events.frames_to_new_map;
+}
+
 int FrontendProcess::Finish() {
   if (isatty(1)) std::printf("\n");
   tracker_.ApplyPending();
   tracker_.FinishBackfill();
-  const RunTrajectories trajectories = MakeTrajectories(tracker_.history(), tracker_.replicas());
+  const RunTrajectories trajectories = MakeTrajectories(tracker_.history(), tracker_.replicas(), tracker_.links());
   const PlaybackReport playback = player_->report();
   for (const std::string& message : playback.messages) spdlog::warn("{}", message);
   StageTimes times = tracker_.stage_times();
@@ -298,11 +444,6 @@ int FrontendProcess::Finish() {
     for (const double sample : samples) times.Add(stage, sample);
   }
   nlohmann::json report = MakeReport(setup_.options, priority_, times, *bus_);
-  size_t keyframes = 0, points = 0;
-  for (const auto& [map, number] : trajectories.map_numbers) {
-    keyframes += tracker_.replicas().at(map).map().keyframes().size();
-    points += tracker_.replicas().at(map).map().points().size();
-  }
   const uint64_t frames = playback.delivered + playback.dropped + playback.unreadable;
   report["frames"] = frames;
   report["tracked"] = trajectories.joined.size();
@@ -310,17 +451,10 @@ int FrontendProcess::Finish() {
   report["lost"] = frames - std::min<uint64_t>(frames, trajectories.joined.size());
   report["dropped"] = playback.dropped;
   report["unreadable"] = playback.unreadable;
-  report["maps"] = trajectories.map_numbers.size();
-  report["keyframes"] = keyframes;
   report["keyframes_sent"] = tracker_.num_keyframes_sent();
-  report["points"] = points;
-  for (const auto& [map, number] : trajectories.map_numbers) {
-    report["map_hash"][ToString(map)] = FormatHash(HashMap(tracker_.replicas().at(map).map()));
-  }
+  AddMapsTo(&report, trajectories);
   const RadialResidual& residual = tracker_.camera().residual;
   report["lens_residual"] = {residual.k1, residual.k2};
-  report["switches"] = 0;
-  report["fusions"] = 0;
   const auto& frame_times = times.samples().find("frame");
   report["frame_ms"] = SummarizeTimes(frame_times == times.samples().end() ? std::vector<double>() : frame_times->second);
   if (setup_.options.out.empty()) return kExitOk;

@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
 #include <string>
@@ -10,6 +11,8 @@
 #include "process/frontend_options.h"
 #include "process/process_setup.h"
 #include "process/status_publisher.h"
+#include "tracking/follower_watch.h"
+#include "tracking/joined_trajectory.h"
 #include "tracking/tracker.h"
 #include "transport/process_loop.h"
 
@@ -28,20 +31,35 @@ class FrontendProcess {
 
  private:
   using Clock = std::chrono::steady_clock;
-  enum class Phase { kWaitingForPeers, kRunning, kDraining, kOver };
+  enum class Phase { kWaitingForPeers, kAskingAtlas, kRunning, kDraining, kOver };
+  struct OpenRequest {
+    Request request;
+    Clock::time_point sent;
+  };
 
   void ConnectReaders();
   void CheckPeers();
+  void AskAtlas();
+  void StartWhenAnswered();
   void OnFrame(PlayedFrame frame);
+  void OnCommand(const Command& command);
+  void OnReply(const Reply& reply);
   void OnMapper(const MapperState& state);
   void OnDeltaChunk(MapDeltaChunk chunk);
   void OnEndOfSource();
   void OnTick();           // ten times a second: what waits for an answer that may not come
   void OnStatusTimer();
   void Publish(const Tracker::Output& output);
+  void Send(std::vector<Request> requests);
+  void SendAgain();
+  void AskForSnapshots();
+  void NoteFollowedMaps();
   void ReleasePumpIfReady();
+  bool OthersAreDone() const;
   bool MapperIsDone() const;
-  bool LoopIsDone() const;
+  bool IsWaitingForAtlas() const;
+  std::string StateInWords() const;
+  void AddMapsTo(nlohmann::json* report, const RunTrajectories& trajectories) const;
   void ShowProgress(const TrackerState& state);
   int Finish();
 
@@ -68,19 +86,22 @@ class FrontendProcess {
   std::set<std::string> roles_seen_;
   DeltaAssembler assembler_;
   MapperState mapper_;
-  FollowerState loop_state_;
-  Clock::time_point loop_heard_{};
+  FollowerWatch followers_;
+  bool loop_closer_is_ready_ = false;
   bool frame_in_work_ = false;
+  bool paused_ = false;
   IdMinter<RequestId> request_ids_;
-  std::map<RequestId, Request> open_requests_;  // until a Reply comes
+  std::map<RequestId, OpenRequest> open_requests_;  // until a Reply comes
+  std::shared_ptr<const std::set<MapId>> followed_ = std::make_shared<const std::set<MapId>>();  // read by transport threads, by std::atomic_load
   Clock::time_point last_send_ = Clock::now();
-  Clock::time_point last_snapshot_request_ = Clock::now();
+  Clock::time_point last_snapshot_request_{};
   Clock::time_point last_progress_{};
   std::optional<Clock::time_point> in_need_since_;
   std::map<KeyFrameId, Clock::time_point> published_;  // to measure a keyframe's way to the replica
   StageTimes process_times_;
   uint64_t frames_ = 0, tracked_online_ = 0;
   TrackerState last_state_;
+  MapId reported_map_;
   int exit_code_ = kExitOk;
 };
 

@@ -17,6 +17,8 @@ class Backfill {
 
   /// @param first of the beginning, tracked. @param between in the order of time; what was left of others goes.
   void Start(Frame first, std::vector<Frame> between);
+  /// What is left goes.
+  void Stop() { between_.clear(); }
   bool IsDone() const { return between_.empty(); }
   /// Takes the next frame. @return it with its pose, if it could be tracked.
   std::optional<Frame> Next(const Map& map);

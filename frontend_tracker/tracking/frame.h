@@ -16,6 +16,7 @@ struct Frame {
   std::shared_ptr<const KeyFrameData> data;  ///< features and grid; bow and nodes only once ComputeWords was called
   SmallImage small;
 
+  MapId map;                         ///< in which it is tracked; none: in none
   Rigid3d camera_from_map;           ///< meaningful once tracked
   std::vector<MapPointId> landmarks; ///< one per feature; none where the feature is no landmark
   int num_inliers = 0;               ///< n: landmarks that agree with the pose

@@ -1,6 +1,7 @@
 #include "tracking/frame_history.h"
 
 #include <algorithm>
+#include <utility>
 
 namespace portolan {
 
@@ -32,17 +33,42 @@ void FrameHistory::OnDelta(const Map& map, const MapDelta& delta) {
     if (record != records_.end() && record->second.map == map.id()) Anchor(&record->second, state.id, Rigid3d());
     own_frame_.erase(own);
   }
-  for (const MapDelta::RemovedKeyFrame& removed : delta.removed_keyframes) {
-    const auto hung = by_anchor_.find(removed.id);
-    if (hung == by_anchor_.end()) continue;
-    const std::vector<uint64_t> frames = std::move(hung->second);
-    by_anchor_.erase(hung);
-    for (const uint64_t frame : frames) {
-      FrameRecord& record = records_[frame];
-      if (record.anchor != removed.id) continue;  // it has been hung elsewhere since
+  for (const MapDelta::RemovedKeyFrame& removed : delta.removed_keyframes) PassOn(map.id(), removed);
+}
+
+void FrameHistory::PassOn(MapId map, const MapDelta::RemovedKeyFrame& removed) {
+  const auto hung = by_anchor_.find(removed.id);
+  if (hung == by_anchor_.end()) return;
+  std::vector<uint64_t> staying;
+  for (const uint64_t frame : std::exchange(hung->second, {})) {
+    FrameRecord& record = records_[frame];
+    if (record.anchor != removed.id) continue;  // it has been hung elsewhere since
+    if (record.map == map) {
       Anchor(&record, removed.anchor, record.camera_from_anchor * removed.removed_from_anchor);
+    } else {
+      staying.push_back(frame);
     }
   }
+  if (staying.empty()) {
+    by_anchor_.erase(removed.id);
+  } else {
+    by_anchor_[removed.id] = std::move(staying);
+    removed_early_[map].push_back(removed);
+  }
+}
+
+void FrameHistory::Fuse(MapId map, MapId other, const Sim3d& map_from_other) {
+  for (auto& [number, record] : records_) {
+    if (record.map != other) continue;
+    record.map = map;
+    record.camera_from_anchor.translation *= map_from_other.scale;  // lengths in `map`'s units
+    record.online_camera_from_map = TransformPose(record.online_camera_from_map, map_from_other);
+  }
+  const auto early = removed_early_.find(map);
+  if (early == removed_early_.end()) return;
+  const std::vector<MapDelta::RemovedKeyFrame> removed = std::move(early->second);
+  removed_early_.erase(early);
+  for (const MapDelta::RemovedKeyFrame& keyframe : removed) PassOn(map, keyframe);
 }
 
 std::optional<Rigid3d> FrameHistory::CameraFromMap(const Map& map, const FrameRecord& record) {

@@ -9,6 +9,7 @@
 #include "base/ids.h"
 #include "base/time.h"
 #include "geometry/rigid3.h"
+#include "geometry/sim3.h"
 #include "map/map.h"
 #include "tracking/frame.h"
 
@@ -38,17 +39,24 @@ class FrameHistory {
   /// became keyframes of the map are hung on themselves.
   void OnDelta(const Map& map, const MapDelta& delta);
 
+  /// `map` has taken in all of `other`, whose keyframes keep their ids: its frames are frames of `map` from now on.
+  void Fuse(MapId map, MapId other, const Sim3d& map_from_other);
+  bool Has(uint64_t frame) const { return records_.count(frame) == 1; }
+
   /// In order of frame number.
   const std::map<uint64_t, FrameRecord>& records() const { return records_; }
   /// The pose as the map has it now; none if its anchor is gone.
   static std::optional<Rigid3d> CameraFromMap(const Map& map, const FrameRecord& record);
 
  private:
+  void PassOn(MapId map, const MapDelta::RemovedKeyFrame& removed);
   void Anchor(FrameRecord* record, KeyFrameId anchor, const Rigid3d& camera_from_anchor);
 
   std::map<uint64_t, FrameRecord> records_;
   std::map<KeyFrameId, std::vector<uint64_t>> by_anchor_;
   std::map<KeyFrameId, uint64_t> own_frame_;  // keyframes not in the map yet
+  /// Removed from a map while frames still hung on them in the map it took in: told before the fusion itself.
+  std::map<MapId, std::vector<MapDelta::RemovedKeyFrame>> removed_early_;
 };
 
 }  // namespace portolan

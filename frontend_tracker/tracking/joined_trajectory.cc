@@ -38,9 +38,28 @@ Rigid3d InJoined(const Sim3d& joined_from_map, const Rigid3d& camera_from_map) {
   return TransformPose(camera_from_map, joined_from_map).Inverse();
 }
 
+/// The poses of all maps in `joined` from before a map's first one; all if none is.
+Trajectory Before(const Trajectory& joined, Timestamp first) {
+  Trajectory before;
+  for (const TrajectoryPose& pose : joined) {
+    if (pose.stamp < first) before.push_back(pose);
+  }
+  return before.empty() ? joined : before;
+}
+
+/// From any of the maps that are placed already, the first first.
+std::optional<Sim3d> PlaceByLinks(MapId map, const std::vector<MapId>& placed, const std::map<MapId, Sim3d>& joined_from_map, const LinkGraph& links) {
+  for (const MapId other : placed) {
+    if (const auto other_from_map = links.Find(other, map)) return joined_from_map.at(other) * *other_from_map;
+  }
+  return std::nullopt;
+}
+
+bool IsEarlier(const TrajectoryPose& a, const TrajectoryPose& b) { return a.stamp < b.stamp; }
+
 }  // namespace
 
-RunTrajectories MakeTrajectories(const FrameHistory& history, const std::map<MapId, MapReplica>& replicas) {
+RunTrajectories MakeTrajectories(const FrameHistory& history, const std::map<MapId, MapReplica>& replicas, const LinkGraph& links) {
   RunTrajectories result;
   std::map<MapId, Trajectory> own;
   std::vector<MapId> order;
@@ -56,23 +75,24 @@ RunTrajectories MakeTrajectories(const FrameHistory& history, const std::map<Map
     own[record.map].push_back(pose);
     if (record.online) result.online.push_back({record.stamp, record.online_camera_from_map.Inverse(), entry->second});
   }
-  Trajectory last;
+  std::vector<MapId> placed;
   for (const MapId map : order) {
-    const Sim3d joined_from_map = last.empty() ? Sim3d() : Continue(last, own[map]);
-    result.joined_from_map[map] = joined_from_map;
-    last.clear();
-    for (const TrajectoryPose& pose : own[map]) {
-      last.push_back({pose.stamp, InJoined(joined_from_map, pose.world_from_camera.Inverse()), pose.map});
+    std::optional<Sim3d> joined_from_map = placed.empty() ? Sim3d() : PlaceByLinks(map, placed, result.joined_from_map, links);
+    if (!joined_from_map) {
+      joined_from_map = Continue(Before(result.joined, own[map].front().stamp), own[map]);
+      result.unlinked_maps.push_back(map);
     }
-    result.joined.insert(result.joined.end(), last.begin(), last.end());
+    result.joined_from_map[map] = *joined_from_map;
+    placed.push_back(map);
+    for (const TrajectoryPose& pose : own[map]) {
+      result.joined.push_back({pose.stamp, InJoined(*joined_from_map, pose.world_from_camera.Inverse()), pose.map});
+    }
+    std::stable_sort(result.joined.begin(), result.joined.end(), IsEarlier);
     for (const auto& [id, keyframe] : replicas.at(map).map().keyframes()) {
-      result.keyframes.push_back(
-          {keyframe.data->stamp, InJoined(joined_from_map, keyframe.camera_from_map), result.map_numbers[map]});
+      result.keyframes.push_back({keyframe.data->stamp, InJoined(*joined_from_map, keyframe.camera_from_map), result.map_numbers[map]});
     }
   }
-  const auto by_stamp = [](const TrajectoryPose& a, const TrajectoryPose& b) { return a.stamp < b.stamp; };
-  std::stable_sort(result.joined.begin(), result.joined.end(), by_stamp);
-  std::stable_sort(result.keyframes.begin(), result.keyframes.end(), by_stamp);
+  std::stable_sort(result.keyframes.begin(), result.keyframes.end(), IsEarlier);
   return result;
 }
 

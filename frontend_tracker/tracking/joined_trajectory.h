@@ -8,6 +8,7 @@
 #include "geometry/sim3.h"
 #include "map/map_replica.h"
 #include "tracking/frame_history.h"
+#include "tracking/link_graph.h"
 
 namespace portolan {
 
@@ -20,10 +21,11 @@ struct RunTrajectories {
   Trajectory keyframes; ///< of all maps, joined
   std::map<MapId, int> map_numbers;
   std::map<MapId, Sim3d> joined_from_map;
+  std::vector<MapId> unlinked_maps;  ///< that no chain of links connects with any map before: where they lie is assumed
 };
 
-/// Without a link between two maps, the later one is hung on the earlier by assumption: the camera went on from where it was last, as fast as before
-/// (median speed over kSpeedFrames frames on each side gives the scale). A later issue's links replace the assumption where they exist.
-RunTrajectories MakeTrajectories(const FrameHistory& history, const std::map<MapId, MapReplica>& replicas);
+/// A map's place in the joined frame comes from the links, along the fewest of them from the first map. One that is linked to none of those before is hung
+/// on by assumption: the camera went on from where it was last, as fast as before (median speed over kSpeedFrames frames on each side gives the scale).
+RunTrajectories MakeTrajectories(const FrameHistory& history, const std::map<MapId, MapReplica>& replicas, const LinkGraph& links);
 
 }  // namespace portolan

@@ -6,6 +6,8 @@
 namespace portolan {
 namespace {
 
+constexpr int kFewPoints = 50;  // a frame inside a map tracks some hundreds
+
 /// Mean depth of the landmarks that a frame tracks, map units; 0 if none.
 double MeanDepth(const Map& map, const Frame& frame) {
   double sum = 0;
@@ -62,6 +64,10 @@ bool KeyFramePolicy::HasLost(const Map& map, const Frame& frame, double share) c
     return id.IsValid() && map.point(id).observations.size() >= kEstablished;
   });
   return frame.num_inliers < share * static_cast<double>(seen);
+}
+
+bool KeyFramePolicy::IsLeaving(const Map& map, const Frame& frame) const {
+  return frame.num_inliers < kFewPoints || IsFar(map, frame, 1.0);
 }
 
 bool KeyFramePolicy::IsUrgent(const Map& map, const Frame& frame) const {

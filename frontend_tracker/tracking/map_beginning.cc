@@ -10,11 +10,30 @@ constexpr size_t kMaxOffered = 120;  // more than the initializer waits for one 
 
 }  // namespace
 
-void MapBeginning::Start(MapId map) {
+void MapBeginning::Start(MapId map, MapId old_map) {
   map_ = map;
+  old_map_ = old_map;
+  queue_.clear();
+  last_queued_.reset();
+  any_sent_ = false;
   initializer_.Reset();
   offered_.clear();
   DropSent();
+}
+
+void MapBeginning::Queue(Frame frame, const Eigen::Quaterniond& current_from_last, bool may_complete) {
+  last_queued_ = frame;
+  queue_.push_back({std::move(frame), current_from_last, may_complete});
+}
+
+std::optional<Initializer::Pair> MapBeginning::OfferQueued(int most) {
+  for (int i = 0; i < most && !queue_.empty(); ++i) {
+    const Queued next = std::move(queue_.front());
+    queue_.pop_front();
+    std::optional<Initializer::Pair> pair = Offer(next.frame, next.current_from_last);
+    if (pair && next.may_complete) return pair;
+  }
+  return std::nullopt;
 }
 
 std::optional<Initializer::Pair> MapBeginning::Offer(const Frame& frame, const Eigen::Quaterniond& current_from_last) {
@@ -31,6 +50,7 @@ std::optional<Initializer::Pair> MapBeginning::Offer(const Frame& frame, const E
 
 void MapBeginning::NoteSent(Frame first, Frame second) {
   sent_.emplace(std::move(first), std::move(second));
+  any_sent_ = true;
 }
 
 void MapBeginning::DropSent() {
@@ -46,6 +66,9 @@ bool MapBeginning::IsMade(const Map& map) const {
 MapBeginning::Frames MapBeginning::Take() {
   PORTOLAN_CHECK(sent_) << " no pair was sent";
   Frames frames{std::move(sent_->first), std::move(sent_->second), {}, std::move(since_)};
+  for (Queued& queued : queue_) {
+    if (frames.since.size() < kMaxSince) frames.since.push_back(std::move(queued.frame));
+  }
   for (Frame& frame : offered_) {
     if (frame.number > frames.first.number && frame.number < frames.second.number) {
       frames.between.push_back(std::move(frame));

@@ -21,15 +21,28 @@ class MapBeginning {
  public:
   explicit MapBeginning(const InitializerOptions& options) : initializer_(options) {}
 
-  /// Begins anew.
-  void Start(MapId map);
+  /// Begins anew. @param old_map the map that the camera was in; none at the start of a run.
+  void Start(MapId map, MapId old_map = MapId());
   /// Ends without a map: none is needed any more.
   void Stop() { Start(MapId()); }
+  /// The old map became part of another one.
+  void SetOldMap(MapId map) { old_map_ = map; }
 
   /// The map that is being made; none otherwise.
   MapId map() const { return map_; }
+  MapId old_map() const { return old_map_; }
+  /// Whether any pair was sent since Start(): the map may come to be, whatever the tracker does.
+  bool any_sent() const { return any_sent_; }
   /// The pair that the mapper has not answered yet; the frames' data have the keyframes' ids.
   const std::optional<std::pair<Frame, Frame>>& sent() const { return sent_; }
+
+  /// Queues a frame for OfferQueued(). @param current_from_last rotation since the frame queued before. @param may_complete whether it may be the
+  /// second of a pair: a map made of frames that are all past need not show what the camera sees now.
+  void Queue(Frame frame, const Eigen::Quaterniond& current_from_last, bool may_complete);
+  /// Offers queued frames, at most so many: what past frames cost is spread over the frames to come. @return the pair that is complete, to be sent.
+  std::optional<Initializer::Pair> OfferQueued(int most);
+  /// The last frame queued, or none.
+  const Frame* last_queued() const { return last_queued_ ? &*last_queued_ : nullptr; }
 
   /// @param current_from_last rotation since the frame offered before.
   /// @return the pair that this frame completes, to be sent.
@@ -52,10 +65,19 @@ class MapBeginning {
   Frames Take();
 
  private:
-  MapId map_;
+  struct Queued {
+    Frame frame;
+    Eigen::Quaterniond current_from_last;
+    bool may_complete = true;
+  };
+
+  MapId map_, old_map_;
+  std::deque<Queued> queue_;
+  std::optional<Frame> last_queued_;
   Initializer initializer_;
   std::vector<Frame> offered_;  // since the initializer's first frame
   std::optional<std::pair<Frame, Frame>> sent_;
+  bool any_sent_ = false;
   std::deque<Frame> since_;  // the pair was sent
 };
 

@@ -20,12 +20,15 @@ namespace portolan {
 ///   if (const auto new_from_old = motion.Measure(map)) pose = TransformPose(pose, *new_from_old);
 class MapMotion {
  public:
+  /// Measures nothing.
+  MapMotion() = default;
   /// Notes the keyframe's pose and its landmarks. One that is not in the map measures nothing later.
   MapMotion(const Map& map, KeyFrameId keyframe);
 
   /// map_from_map, from the map as it was to the map as it is, around the keyframe: its motion, and as scale the median change of its landmarks'
   /// distances. None if the keyframe is gone.
   std::optional<Sim3d> Measure(const Map& map) const;
+  KeyFrameId keyframe() const { return keyframe_; }
 
  private:
   KeyFrameId keyframe_;

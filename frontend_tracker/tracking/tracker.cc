@@ -6,10 +6,18 @@
 #include "features/feature_quantization.h"
 
 namespace portolan {
+namespace {
+
+constexpr size_t kPastFrames = 30;          // from which a new map may begin: a second of a fast camera, three of a slow one
+constexpr int kOffersWhileTracking = 3;     // frames offered to a new map per frame of the camera: each takes some milliseconds
+constexpr size_t kMaxUnacknowledged = 512;  // keyframes of maps that nobody writes any more may be among them
+
+}  // namespace
 
 Tracker::Tracker(const TrackerOptions& options, const CameraModel& camera, std::shared_ptr<const Vocabulary> vocabulary, RobotId robot,
                  uint32_t session)
     : options_(options),
+      robot_(robot),
       camera_(camera),
       vocabulary_(std::move(vocabulary)),
       extractor_(options.orb),
@@ -18,25 +26,35 @@ Tracker::Tracker(const TrackerOptions& options, const CameraModel& camera, std::
       relocalizer_(options.relocalizer, options.seed),
       keyframe_policy_(options.keyframe),
       beginning_(options.initializer),
+      ring_(kPastFrames),
+      localizer_(options),
       backfill_(options, camera.pinhole),
       keyframe_ids_(robot, session),
-      map_ids_(robot, session) {}
+      map_ids_(robot, session),
+      links_([this](MapId map) { return maps_.Find(map); }) {}
 
 Tracker::Output Tracker::Track(const Image& image) {
   const Stopwatch whole;
   Output output;
   ApplyPending();
-  if (!active_map_.IsValid() && !beginning_.map().IsValid()) StartNewMap(&output);
+  if (!active_map_.IsValid() && !beginning_.map().IsValid() && !options_.localization_only) StartNewMap();
   Frame frame = MakeFrame(image);
 
-  if (beginning_.sent() && beginning_.IsMade(replicas_.at(beginning_.map()).map())) BeginTracking();
-  if (state_ == TrackingState::kInitializing || state_ == TrackingState::kLost) {
+  if (beginning_.sent() && beginning_.IsMade(maps_.map(beginning_.map()))) {
+    if (HasPose()) {
+      PlanToEnterNewMap();
+    } else {
+      BeginTracking(frame.number);
+    }
+  }
+  if (!HasPose()) {
     Initialize(frame, &output);
-  } else if (TrackInMap(&frame)) {
+  } else if (TrackInMap(&frame) || GoOnInLinkedMap(&frame, false)) {
     OnTracked(&frame, &output);
   } else {
     OnFailed(frame, &output);
   }
+  output.requests = std::exchange(requests_, {});
   const bool tracked = state_ == TrackingState::kTracking;
   output.state.frame = frame.number;
   output.state.stamp = frame.stamp;
@@ -138,14 +156,14 @@ bool Tracker::TrackByMotion(const Map& map, Frame* frame) {
 }
 
 bool Tracker::TrackInMap(Frame* frame) {
-  const Map& map = ActiveReplica().map();
+  const Map& map = ActiveMap();
   if (!reference_.empty() && TrackByMotion(map, frame)) return true;
   // Quality is poor: global relocalisation (paper Fig. 2), the place where the camera was last first.
   const Stopwatch stopwatch;
   const Rigid3d predicted = frame->camera_from_map;
   AddWords(frame);
   const bool found = relocalizer_.TrackKeyFrame(map, reference_keyframe_, options_.min_tracked_points, &map_tracker_, frame) ||
-                     relocalizer_.Relocalize(map, index_, &map_tracker_, frame);
+                     relocalizer_.Relocalize(map, maps_.index(active_map_), &map_tracker_, frame);
   stage_times_.Add("relocalize", stopwatch.Milliseconds());
   if (found) {
     velocity_model_.Reset();
@@ -156,14 +174,25 @@ bool Tracker::TrackInMap(Frame* frame) {
 }
 
 void Tracker::OnTracked(Frame* frame, Output* output) {
-  const Map& map = ActiveReplica().map();
   state_ = TrackingState::kTracking;
   lost_frames_ = 0;
+  lost_since_.reset();
+  frame->map = active_map_;
   velocity_model_.Update(frame->stamp, frame->camera_from_map);
+  ring_.Add(*frame);
+  if (ConsiderMapChange(frame)) ring_.Add(*frame);
+  const Map& map = ActiveMap();
   reference_keyframe_ = frame->reference;
   reference_ = ReferenceLandmarks(map, *frame->data, frame->landmarks);
   history_.Add(map, *frame, true);
   ConsiderKeyFrame(frame, output);
+  if (beginning_.map().IsValid()) {
+    const Frame* queued = beginning_.last_queued();
+    if (queued == nullptr || queued->number != frame->number) {
+      beginning_.Queue(*frame, (frame->camera_from_map.rotation * last_frame_->camera_from_map.rotation.conjugate()).normalized(), true);
+    }
+    ContinueBeginning(kOffersWhileTracking, frame->stamp, output);
+  }
   last_frame_ = std::move(*frame);
   BackfillOne();
 }
@@ -171,16 +200,24 @@ void Tracker::OnTracked(Frame* frame, Output* output) {
 void Tracker::OnFailed(const Frame& frame, Output* output) {
   ++lost_frames_;
   state_ = TrackingState::kRelocalizing;
+  if (beginning_.map().IsValid()) {
+    beginning_.Queue(frame, (frame.camera_from_map.rotation * last_frame_->camera_from_map.rotation.conjugate()).normalized(), true);
+    ContinueBeginning(kOffersWhileTracking, frame.stamp, output);
+  }
+  ring_.AddFailed(frame);
   last_frame_ = frame;  // its pose is the prediction, from which ESM goes on
   // "If tracking fails for more than five consecutive frames, the tracker is considered to be lost" (paper Sec. 3).
   if (lost_frames_ > options_.max_lost_frames) {
     state_ = TrackingState::kLost;
-    StartNewMap(output);
+    lost_since_ = frame.number;
+    if (!beginning_.map().IsValid() && !options_.localization_only) StartNewMap();
   }
 }
 
 void Tracker::ConsiderKeyFrame(Frame* frame, Output* output) {
-  const Map& map = ActiveReplica().map();
+  const Map& map = ActiveMap();
+  // A full map grows no more, but for what is needed to go on in it until the next one is there.
+  if (options_.localization_only || (IsFull(map) && !beginning_.map().IsValid() && !move_)) return;
   const auto decision = keyframe_policy_.Decide(map, *frame, IsMapperIdle());
   output->state.interrupt_mapper = decision == KeyFramePolicy::Decision::kInterrupt;
   if (decision != KeyFramePolicy::Decision::kInsert) return;
@@ -197,7 +234,7 @@ void Tracker::ConsiderKeyFrame(Frame* frame, Output* output) {
   stage_times_.Add("keyframe", stopwatch.Milliseconds());
 }
 
-KeyFrameId Tracker::Send(KeyFrameKind kind, Frame* frame, KeyFrameMessage message, Output* output) {
+KeyFrameMessage Tracker::MakeMessage(KeyFrameKind kind, Frame* frame, KeyFrameMessage message) {
   KeyFrameData data = *frame->data;
   data.id = keyframe_ids_.Next();
   data.bow.clear();  // not sent: whoever needs the derived fields makes them
@@ -207,9 +244,15 @@ KeyFrameId Tracker::Send(KeyFrameKind kind, Frame* frame, KeyFrameMessage messag
   message.data = data;
   message.vocabulary_hash = vocabulary_ != nullptr ? vocabulary_->hash() : 0;
   frame->data = MakeKeyFrameData(std::move(data), vocabulary_.get());
+  return message;
+}
+
+KeyFrameId Tracker::Send(KeyFrameKind kind, Frame* frame, KeyFrameMessage message, Output* output) {
+  message = MakeMessage(kind, frame, std::move(message));
   const KeyFrameId id = frame->data->id;
-  replicas_.at(message.map).AddKeyFrameData(frame->data);
+  maps_.AddKeyFrameData(message.map, frame->data);
   unacknowledged_[id] = message;
+  if (unacknowledged_.size() > kMaxUnacknowledged) unacknowledged_.erase(unacknowledged_.begin());
   awaited_keyframe_ = id;
   keyframe_policy_.NoteKeyFrame(frame->stamp);
   ++num_keyframes_sent_;
@@ -219,16 +262,29 @@ KeyFrameId Tracker::Send(KeyFrameKind kind, Frame* frame, KeyFrameMessage messag
 
 bool Tracker::IsMapperIdle() const { return !awaited_keyframe_ && mapper_state_.idle; }
 
-void Tracker::AddDelta(MapDelta delta) {
-  const auto replica = replicas_.find(delta.map);
-  if (replica != replicas_.end()) replica->second.AddDelta(std::move(delta));
+void Tracker::AddDelta(MapDelta delta) { maps_.AddDelta(std::move(delta)); }
+
+void Tracker::AddKeyFrameData(MapId map, std::shared_ptr<const KeyFrameData> data) { maps_.AddKeyFrameData(map, std::move(data)); }
+
+/// One mapper may serve several robots and maps: what it says of others tells whether it is idle, and no more.
+bool Tracker::Concerns(const MapperState& state) const {
+  if (!active_map_.IsValid() && !state.map.IsValid()) return state.process.robot() == robot_;
+  for (const MapId map : {active_map_, beginning_.map()}) {
+    if (!map.IsValid()) continue;
+    const auto owner = owners_.find(map);
+    if (map == state.map || (owner != owners_.end() && owner->second.process == state.process)) return true;
+  }
+  return false;
 }
 
-void Tracker::AddKeyFrameData(std::shared_ptr<const KeyFrameData> data) {
-  if (active_map_.IsValid()) ActiveReplica().AddKeyFrameData(std::move(data));
+void Tracker::NoteOwner(MapId map, Epoch epoch, ProcessId process) {
+  Owner& owner = owners_[map];
+  if (epoch >= owner.epoch) owner = {epoch, process};
 }
 
-void Tracker::OnMapperState(const MapperState& state) {
+bool Tracker::OnMapperState(const MapperState& state) {
+  if (!Concerns(state)) return false;
+  NoteOwner(state.map, state.epoch, state.process);
   mapper_state_ = state;
   // Once: later estimates would be of what the frames since then left, and of earlier ones that still have all of it.
   if (camera_.residual.IsNone()) camera_.residual = state.residual;
@@ -239,29 +295,26 @@ void Tracker::OnMapperState(const MapperState& state) {
     unacknowledged_.erase(state.refused_keyframe);
     if (beginning_.sent() && beginning_.sent()->second.data->id == state.refused_keyframe) DropPair();
   }
+  return true;
 }
 
 void Tracker::ApplyPending() {
   const Stopwatch stopwatch;
-  for (auto& [id, replica] : replicas_) {
-    if (replica.waiting() == 0) continue;
+  for (const MapId id : maps_.Waiting()) {
     std::optional<MapMotion> motion;
-    if (id == active_map_) motion.emplace(replica.map(), reference_keyframe_);
-    for (const MapDelta& delta : replica.ApplyPending()) OnApplied(replica.map(), delta);
-    if (motion) MoveWithMap(*motion);
+    if (id == active_map_) motion.emplace(maps_.map(id), reference_keyframe_);
+    for (const MapDelta& delta : maps_.ApplyPending(id)) OnApplied(maps_.map(id), delta);
+    const auto new_from_old = motion ? motion->Measure(maps_.map(id)) : std::nullopt;
+    if (new_from_old) MoveWithMap(*new_from_old);
   }
+  CompleteFusions();
   stage_times_.Add("apply", stopwatch.Milliseconds());
 }
 
 void Tracker::OnApplied(const Map& map, const MapDelta& delta) {
-  for (const MapDelta::KeyFrameState& state : delta.keyframes) {
-    unacknowledged_.erase(state.id);
-    const KeyFrame* keyframe = map.FindKeyFrame(state.id);  // null if a later delta of the same batch removed it again
-    if (map.id() == active_map_ && keyframe != nullptr) index_.Add(state.id, WordsOf(keyframe->data));
-  }
+  for (const MapDelta::KeyFrameState& state : delta.keyframes) unacknowledged_.erase(state.id);
   for (const MapDelta::RemovedKeyFrame& removed : delta.removed_keyframes) {
-    if (map.id() == active_map_) index_.Remove(removed.id);
-    if (reference_keyframe_ == removed.id) reference_keyframe_ = removed.anchor;
+    if (reference_keyframe_ == removed.id && map.id() == active_map_) reference_keyframe_ = removed.anchor;
   }
   history_.OnDelta(map, delta);
   if (map.id() != active_map_) return;
@@ -279,11 +332,11 @@ void Tracker::OnApplied(const Map& map, const MapDelta& delta) {
   reference_ = std::move(kept);
 }
 
-void Tracker::MoveWithMap(const MapMotion& motion) {
-  const auto new_from_old = motion.Measure(ActiveReplica().map());
-  if (!new_from_old || !last_frame_) return;
-  last_frame_->camera_from_map = TransformPose(last_frame_->camera_from_map, *new_from_old);
-  velocity_model_.MoveWithMap(*new_from_old);
+void Tracker::MoveWithMap(const Sim3d& new_from_old) {
+  if (!last_frame_) return;
+  last_frame_->camera_from_map = TransformPose(last_frame_->camera_from_map, new_from_old);
+  velocity_model_.MoveWithMap(new_from_old);
+  ring_.MoveWithMap(active_map_, new_from_old);
 }
 
 std::vector<KeyFrameMessage> Tracker::UnacknowledgedKeyFrames() const {
@@ -293,13 +346,5 @@ std::vector<KeyFrameMessage> Tracker::UnacknowledgedKeyFrames() const {
 }
 
 std::optional<KeyFrameId> Tracker::AwaitedKeyFrame() const { return awaited_keyframe_; }
-
-std::vector<const MapReplica*> Tracker::ReplicasInNeed() const {
-  std::vector<const MapReplica*> in_need;
-  for (const auto& [id, replica] : replicas_) {
-    if (replica.NeedsSnapshot()) in_need.push_back(&replica);
-  }
-  return in_need;
-}
 
 }  // namespace portolan

@@ -3,7 +3,6 @@
 #include <map>
 #include <memory>
 #include <optional>
-#include <set>
 #include <string>
 #include <vector>
 
@@ -15,21 +14,34 @@
 #include "map/protocol.h"
 #include "tracking/backfill.h"
 #include "tracking/coarse_to_fine.h"
+#include "tracking/followed_maps.h"
 #include "tracking/frame_history.h"
+#include "tracking/frame_ring.h"
 #include "tracking/keyframe_policy.h"
+#include "tracking/link_graph.h"
 #include "tracking/map_beginning.h"
+#include "tracking/map_link.h"
+#include "tracking/map_localizer.h"
 #include "tracking/map_motion.h"
+#include "tracking/place_queries.h"
 #include "tracking/relocalizer.h"
 #include "tracking/rotation_estimator.h"
 #include "tracking/tracker_options.h"
 #include "tracking/velocity_model.h"
-#include "vocabulary/keyframe_index.h"
 #include "vocabulary/vocabulary.h"
 
 namespace portolan {
 
-/// Tracking (paper Sec. 3): estimates the camera's pose in every frame against a replica of the map, and decides which frames become keyframes and when a new
-/// map begins. Pure: no DDS, no threads; one thread uses it. It never waits.
+/// What became of maps in a run, for its report.
+struct MapEvents {
+  uint64_t switches = 0;               ///< went on in another map that was there already
+  uint64_t fusions = 0;                ///< of maps that the tracker had been in
+  uint64_t refusals = 0;               ///< was told to go into a map and could not
+  std::vector<int> frames_to_new_map;  ///< each time the tracker was lost and went on in a new map: frames between the two
+};
+
+/// Tracking (paper Sec. 3): estimates the camera's pose in every frame against a replica of the map, decides which frames become keyframes, when a new map
+/// begins (Sec. 3.4), and goes over from map to map (Sec. 6). Pure: no DDS, no threads; one thread uses it. It never waits.
 ///
 ///   Tracker tracker(options, camera, vocabulary, robot, session);
 ///   for each image:
@@ -44,16 +56,23 @@ class Tracker {
   struct Output {
     TrackerState state;
     std::vector<KeyFrameMessage> keyframes;  ///< to publish, in this order
-    std::vector<MapId> new_maps;             ///< to ask the atlas_server an owner for
+    std::vector<Request> requests;           ///< to the atlas_server, after the keyframes; id and sender are the caller's to fill in
   };
 
-  /// Queue what came from other processes; taken in at the start of the next Track() or by ApplyPending().
+  /// What came from other processes. Deltas are queued, and taken in at the start of the next Track() or by ApplyPending(). What is of maps that the tracker
+  /// does not follow is ignored.
   void AddDelta(MapDelta delta);
-  void AddKeyFrameData(std::shared_ptr<const KeyFrameData> data);
-  void OnMapperState(const MapperState& state);
+  void AddKeyFrameData(MapId map, std::shared_ptr<const KeyFrameData> data);
+  /// @return whether it is the state of a mapper that concerns this tracker: that owns the map it is in, or the one that begins.
+  bool OnMapperState(const MapperState& state);
+  void OnCommand(const Command& command);
+  /// @param request of this tracker, that the reply answers.
+  void OnReply(const Request& request, const Reply& reply);
   /// Applies queued deltas now.
   void ApplyPending();
 
+  /// Asks for a first map ahead of the first frame, so that the answer can be there with it. @return the requests.
+  std::vector<Request> RequestFirstMap();
   Output Track(const Image& image);
 
   /// Keyframes that no delta has contained yet: to be sent again to a new owner of their map.
@@ -61,12 +80,16 @@ class Tracker {
   size_t num_unacknowledged() const { return unacknowledged_.size(); }
   /// The last keyframe sent, if the mapper has not taken it in (or refused it) yet: what a lockstep run waits for.
   std::optional<KeyFrameId> AwaitedKeyFrame() const;
-  /// Replicas that want a snapshot.
-  std::vector<const MapReplica*> ReplicasInNeed() const;
+  /// Replicas that want a snapshot; the map's owner need not be waited for where IsFresh().
+  std::vector<const MapReplica*> ReplicasInNeed() const { return maps_.InNeed(); }
+  bool IsFresh(MapId map) const { return maps_.IsFresh(map); }
 
   TrackingState state() const { return state_; }
   MapId active_map() const { return active_map_; }
-  const std::map<MapId, MapReplica>& replicas() const { return replicas_; }
+  const std::map<MapId, MapReplica>& replicas() const { return maps_.replicas(); }
+  const LinkGraph& links() const { return links_; }
+  const MapEvents& map_events() const { return events_; }
+  bool localization_only() const { return options_.localization_only; }
   /// The camera as it is known: the calibration's, with what the mapper found that it left.
   const CameraModel& camera() const { return camera_; }
   const FrameHistory& history() const { return history_; }
@@ -91,25 +114,63 @@ class Tracker {
   void OnTracked(Frame* frame, Output* output);
   void OnFailed(const Frame& frame, Output* output);
   void ConsiderKeyFrame(Frame* frame, Output* output);
+  bool HasPose() const { return state_ == TrackingState::kTracking || state_ == TrackingState::kRelocalizing; }
 
-  // Paper Sec. 3.4 and 4.1.
-  void StartNewMap(Output* output);
+  // Paper Sec. 3.4 and 4.1 (tracker_new_map.cc).
+  void StartNewMap();
+  void QueuePastFrames();
   void Initialize(Frame frame, Output* output);
-  bool TryOldMap(Frame* frame);
+  void ContinueBeginning(int offers, Timestamp now, Output* output);
   void SendPair(Initializer::Pair pair, Output* output);
   void DropPair();  // refused, or not needed any more
-  void BeginTracking();
+  void StopBeginning();
+  void BeginTracking(uint64_t frame_now);
+  void PlanToEnterNewMap();
+  std::optional<Sim3d> LinkNewMap(MapId map, MapId old_map, const MapBeginning::Frames& frames);
+  std::optional<Overlap> OverlapWith(const Frame& frame, const Map& map, const Map& old_map) const;
   void GoOnFrom(Frame frame);
   void BackfillOne();
+  void AskForPlace(Frame* frame, Output* output);
+
+  // Paper Sec. 6, the tracker's part (tracker_maps.cc).
+  /// A map to go over into, and for how long that has been tried.
+  struct PlannedMove {
+    MapId target;
+    std::optional<Sim3d> target_from_active;
+    bool by_command = false;
+    bool is_new_map = false;
+    int frames_tried = 0;
+    std::optional<Timestamp> since;
+  };
+  /// With a frame that is tracked: it may go over into another map, in which it is tracked then. @return whether it did.
+  bool ConsiderMapChange(Frame* frame);
+  bool TryPlannedMove(Frame* frame, bool is_tracked);
+  void GiveUpMove(const std::string& reason);
+  bool GoOnInLinkedMap(Frame* frame, bool is_tracked);
+  bool RelocalizeAnywhere(Frame* frame);
+  void GoOver(MapId target, Frame moved, const Frame* before, const std::optional<Sim3d>& target_from_active, Frame* frame);
+  std::vector<MapId> OtherMaps() const;
+  bool IsFull(const Map& map) const;
+  void PlanMove(const Command& command);
+  void CompleteFusions();
+  bool IsFusionHere(const Command& fusion) const;
+  void CompleteFusion(const Command& fusion);
+  void GoOnInFused(const Command& fusion);
+  void ForgetMap(MapId map);
+  void AskAtlas(const std::string& kind, MapId map, MapId other, const std::optional<Sim3d>& map_from_other, const std::string& argument);
 
   KeyFrameId Send(KeyFrameKind kind, Frame* frame, KeyFrameMessage message, Output* output);
+  KeyFrameMessage MakeMessage(KeyFrameKind kind, Frame* frame, KeyFrameMessage message);
   void OnApplied(const Map& map, const MapDelta& delta);
   /// Pose and velocity stay where they are in the scene when the map around the reference keyframe moved.
-  void MoveWithMap(const MapMotion& motion);
+  void MoveWithMap(const Sim3d& new_from_old);
+  bool Concerns(const MapperState& state) const;
+  void NoteOwner(MapId map, Epoch epoch, ProcessId process);
   bool IsMapperIdle() const;
-  MapReplica& ActiveReplica() { return replicas_.at(active_map_); }
+  const Map& ActiveMap() const { return maps_.map(active_map_); }
 
   TrackerOptions options_;
+  const RobotId robot_;
   CameraModel camera_;
   std::shared_ptr<const Vocabulary> vocabulary_;
   OrbExtractor extractor_;
@@ -119,14 +180,24 @@ class Tracker {
   Relocalizer relocalizer_;
   KeyFramePolicy keyframe_policy_;
   MapBeginning beginning_;
+  FrameRing ring_;
+  MapLocalizer localizer_;
+  PlaceQueries queries_;
   Backfill backfill_;
+  MapId backfill_map_;
   FrameHistory history_;
   StageTimes stage_times_;
 
   IdMinter<KeyFrameId> keyframe_ids_;
   IdMinter<MapId> map_ids_;
-  std::map<MapId, MapReplica> replicas_;
-  KeyFrameIndex index_;                                     // of the active map's keyframes
+  FollowedMaps maps_;
+  LinkGraph links_;
+  MapEvents events_;
+  std::vector<Request> requests_;                           // since the last frame
+  std::optional<PlannedMove> move_;
+  std::vector<Command> fusions_;                            // whose outcome is not in the replica yet
+  MapId spare_map_;                                         // asked for, and not begun
+  size_t next_other_map_ = 0;                               // whose turn it is when lost
   std::map<KeyFrameId, KeyFrameMessage> unacknowledged_;
 
   TrackingState state_ = TrackingState::kInitializing;
@@ -135,8 +206,14 @@ class Tracker {
   std::vector<ReferenceLandmark> reference_;                // of the last tracked frame
   KeyFrameId reference_keyframe_;
   int lost_frames_ = 0;
+  std::optional<uint64_t> lost_since_;                      // frame at which the tracker gave its map up
 
   MapperState mapper_state_;
+  struct Owner {
+    Epoch epoch = 0;
+    ProcessId process;
+  };
+  std::map<MapId, Owner> owners_;
   std::optional<KeyFrameId> awaited_keyframe_;
   uint64_t num_keyframes_sent_ = 0;
 };

@@ -15,6 +15,8 @@ void ReadOrb(ConfigReader* config, OrbOptions* orb) {
 void ReadTracker(ConfigReader* config, TrackerOptions* tracker) {
   config->Read("tracker.min_tracked_points", &tracker->min_tracked_points, {4, 1000});
   config->Read("tracker.max_lost_frames", &tracker->max_lost_frames, {1, 1000});
+  config->Read("tracker.max_map_keyframes", &tracker->max_map_keyframes, {0, 1'000'000});
+  config->Read("tracker.localization_only", &tracker->localization_only);
   config->Read("tracker.use_esm", &tracker->use_esm);
   int64_t seed = static_cast<int64_t>(tracker->seed);
   config->Read("tracker.seed", &seed, {0, INT64_MAX});

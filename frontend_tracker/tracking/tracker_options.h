@@ -59,6 +59,8 @@ struct TrackerOptions {
   RelocalizerOptions relocalizer;
   int min_tracked_points = 20;         ///< inliers of a frame that counts as tracked
   int max_lost_frames = 5;             ///< "more than five frames" that can't be tracked: lost (paper Sec. 3.4)
+  int max_map_keyframes = 0;           ///< a map with so many is full: where it ends a new one begins (paper Sec. 3.4); 0: unlimited
+  bool localization_only = false;      ///< changes no map: neither keyframes nor new maps
   bool use_esm = true;                 ///< rotation from ESM (Eq. 3-6); off: from the velocity model
   uint64_t seed = 1;
 

@@ -10,6 +10,7 @@ namespace {
 
 constexpr size_t kMaxRefusals = 500;  // kept for the report
 constexpr int kMaxForwardPatience = 8;
+constexpr const char* kPassedOn = "the map has another owner, or is no more";
 
 const char* Name(LoopCloser::JobKind kind) {
   switch (kind) {
@@ -23,12 +24,18 @@ const char* Name(LoopCloser::JobKind kind) {
 }  // namespace
 
 LoopCloser::LoopCloser(const LoopOptions& options, std::shared_ptr<const Vocabulary> vocabulary, ProcessId process)
-    : options_(options), process_(process), follower_(std::move(vocabulary)), detector_(options.detector) {}
+    : options_(options), process_(process), follower_(std::move(vocabulary), process.robot()), detector_(options.detector) {}
 
 void LoopCloser::OnMapperState(const MapperState& state) {
   follower_.OnMapperState(state);
+  const bool is_mine = state.process.robot() == process_.robot();
+  NoteOwner(state.map, state.epoch, is_mine);
   if (state.correction_process == process_) OnAnswered(state);
   if (!state.last_keyframe.IsValid()) return;
+  if (!is_mine) {  // a keyframe of this robot's tracker in another's map is looked at there
+    if (state.last_keyframe.robot() == process_.robot()) last_keyframe_ = state.last_keyframe;
+    return;
+  }
   if (!options_.enabled) {
     last_keyframe_ = state.last_keyframe;
     return;
@@ -41,12 +48,73 @@ void LoopCloser::OnMapperState(const MapperState& state) {
   }
 }
 
+void LoopCloser::NoteOwner(MapId map, Epoch epoch, bool is_mine) {
+  if (!map.IsValid()) return;
+  Owner& owner = owners_[map];
+  if (epoch >= owner.epoch) owner = {epoch, is_mine};
+}
+
+bool LoopCloser::IsMine(MapId map) const {
+  const auto owner = owners_.find(map);
+  return owner != owners_.end() && owner->second.is_mine;
+}
+
+void LoopCloser::OnCommand(const Command& command) {
+  switch (command.kind) {
+    case CommandKind::kGrantOwnership:  // the atlas_server's own maps are dormant
+      return NoteOwner(command.map, command.epoch, command.owner.robot() == process_.robot() && command.owner != command.sender);
+    case CommandKind::kFuseMaps: return OnFused(command.map, command.other);
+    case CommandKind::kAdjustMap:
+      if (IsAtHand(command.map)) wants_global_ = command.map;
+      return;
+    case CommandKind::kForgetMap:
+      follower_.Remove(command.map);
+      return DropWork(command.map, "the map was deleted");
+    default: return;  // of others
+  }
+}
+
+void LoopCloser::OnFused(MapId map, MapId other) {
+  const bool is_followed = follower_.IsFollowed(other);
+  follower_.Fuse(map, other);
+  auto& edges = loop_edges_[map];
+  edges.insert(edges.end(), loop_edges_[other].begin(), loop_edges_[other].end());
+  for (Ready& ready : ready_) {
+    if (ready.map == other) ready = {map, ready.keyframe, 1};  // revisions of two maps say nothing of each other
+  }
+  DropWork(other, "the map is part of " + ToString(map) + " now");
+  if (is_followed && IsMine(map) && options_.enabled && options_.global_ba) wants_global_ = map;
+}
+
+/// Of a map that is no more. A job under way is cancelled by who runs it (ShouldCancel).
+void LoopCloser::DropWork(MapId map, const std::string& reason) {
+  ready_.erase(std::remove_if(ready_.begin(), ready_.end(), [&](const Ready& ready) { return ready.map == map; }), ready_.end());
+  loop_edges_.erase(map);
+  owners_.erase(map);
+  if (wants_global_ == map) wants_global_.reset();
+  if (corrected_map_ == map) corrected_map_ = MapId();
+  if (detector_map_ == map) {
+    detector_map_ = MapId();
+    detector_.Reset();
+  }
+  if (proposal_ && proposal_->map == map) ForgetCorrection(reason);
+  if (outbox_ && outbox_->map == map) outbox_.reset();
+  if (closing_ && closing_map_ == map && !running_) FinishClosure(reason);
+}
+
+/// Whether it is here, and its owner will listen.
+bool LoopCloser::IsAtHand(MapId map) const { return IsMine(map) && Has(map, 1); }
+
+/// Whether its delta is here, or will never come.
+bool LoopCloser::IsReady(const Ready& ready) const {
+  return ready.revision == 0 || !IsMine(ready.map) || !follower_.IsFollowed(ready.map) || Has(ready.map, ready.revision);
+}
+
 bool LoopCloser::Update() {
   follower_.ApplyPending();
   // One loop at a time: what keyframes see while it is being closed is measured in the map as it was.
-  if (ready_.empty() || closing_ || !IsSettled()) return false;
+  if (ready_.empty() || closing_ || !IsSettled() || !IsReady(ready_.front())) return false;
   const Ready next = ready_.front();
-  if (next.revision > 0 && !Has(next.map, next.revision)) return false;  // its delta is on the way
   ready_.pop_front();
   LookAt(next);
   return !ready_.empty();
@@ -57,12 +125,14 @@ bool LoopCloser::Has(MapId map, Revision revision) const {
   return std::find(maps.begin(), maps.end(), map) != maps.end() && follower_.map(map).revision() >= revision;
 }
 
-/// Whether the replica has the last correction.
-bool LoopCloser::IsSettled() const { return !corrected_map_.IsValid() || Has(corrected_map_, corrected_revision_); }
+/// Whether the replica has the last correction, or the map is another's by now.
+bool LoopCloser::IsSettled() const {
+  return !corrected_map_.IsValid() || !IsMine(corrected_map_) || !follower_.IsFollowed(corrected_map_) || Has(corrected_map_, corrected_revision_);
+}
 
 void LoopCloser::LookAt(const Ready& ready) {
   last_keyframe_ = ready.keyframe;
-  if (ready.revision == 0) return;  // of a map that has not begun
+  if (ready.revision == 0 || !IsAtHand(ready.map)) return;  // of a map that has not begun, or passed on
   const Map& map = follower_.map(ready.map);
   if (map.FindKeyFrame(ready.keyframe) == nullptr) return;  // refused, or pruned since
   if (ready.map != detector_map_) detector_.Reset();
@@ -109,13 +179,18 @@ void LoopCloser::OnLoop(const Map& map, const DetectedLoop& loop) {
 }
 
 bool LoopCloser::IsForwardDue() const {
-  return options_.enabled && options_.forward_ba && ready_.empty() && keyframes_since_forward_ >= forward_patience_ * options_.forward_every_keyframes;
+  return options_.enabled && options_.forward_ba && ready_.empty() && IsMine(detector_map_) && follower_.IsUpToDate(detector_map_) &&
+         keyframes_since_forward_ >= forward_patience_ * options_.forward_every_keyframes;
 }
 
 std::optional<LoopCloser::Job> LoopCloser::NextJob() {
   if (running_ || proposal_ || outbox_ || !IsSettled()) return std::nullopt;
+  if (closing_ && !IsAtHand(closing_map_)) FinishClosure(kPassedOn);
   if (closing_) return MakeJob(JobKind::kLoop, closing_map_);
-  if (wants_global_) return MakeJob(JobKind::kGlobalBundleAdjustment, *std::exchange(wants_global_, std::nullopt));
+  if (wants_global_ && !IsMine(*wants_global_)) wants_global_.reset();
+  if (wants_global_ && follower_.IsUpToDate(*wants_global_)) {
+    return MakeJob(JobKind::kGlobalBundleAdjustment, *std::exchange(wants_global_, std::nullopt));
+  }
   if (!IsForwardDue()) return std::nullopt;
   keyframes_since_forward_ = 0;
   return MakeJob(JobKind::kForwardBundleAdjustment, detector_map_);
@@ -157,7 +232,7 @@ LoopCloser::Job LoopCloser::MakeJob(JobKind kind, MapId map) {
 bool LoopCloser::ShouldCancel() const {
   if (!running_) return false;
   if (running_->kind != JobKind::kLoop && closing_) return true;
-  if (running_->map != follower_.active_map()) return true;
+  if (!IsAtHand(running_->map)) return true;
   return follower_.map(running_->map).epoch() != running_->epoch;
 }
 
@@ -166,8 +241,8 @@ void LoopCloser::OnJobCancelled() {
   const Running cancelled = *std::exchange(running_, std::nullopt);
   spdlog::info("{} of map {} cancelled", Name(cancelled.kind), ToString(cancelled.map));
   if (cancelled.kind == JobKind::kLoop) {
-    FinishClosure("cancelled: the map has another owner, or the robot is in another map");
-  } else if (cancelled.kind == JobKind::kGlobalBundleAdjustment && cancelled.map == follower_.active_map()) {
+    FinishClosure(kPassedOn);
+  } else if (cancelled.kind == JobKind::kGlobalBundleAdjustment && IsMine(cancelled.map)) {
     wants_global_ = cancelled.map;  // after the loop that was in its way
   }
 }
@@ -181,6 +256,7 @@ void LoopCloser::OnJobDone(JobResult result) {
     closures_.back().times = result.times;
     if (result.correction) closing_edges_ = result.correction->loop_edges;
   }
+  if (!IsAtHand(result.map)) result.correction = Error{kPassedOn};
   if (!result.correction) {
     spdlog::info("{} of map {} came to nothing: {}", Name(result.kind), ToString(result.map), result.correction.error().message);
     if (result.kind == JobKind::kLoop) FinishClosure(result.correction.error().message);
@@ -195,14 +271,14 @@ void LoopCloser::OnJobDone(JobResult result) {
 
 std::optional<MapCorrection> LoopCloser::TakeCorrection() {
   if (!outbox_) return std::nullopt;
-  proposal_ = Proposal{*outbox_kind_, outbox_->number};
+  proposal_ = Proposal{*outbox_kind_, outbox_->number, outbox_->map};
   return std::exchange(outbox_, std::nullopt);
 }
 
 void LoopCloser::OnAnswered(const MapperState& state) {
   if (!proposal_ || state.correction_number != proposal_->number) return;
   const JobKind kind = std::exchange(proposal_, std::nullopt)->kind;
-  corrected_map_ = state.map;
+  corrected_map_ = state.map;  // the mapper names the corrected map in its answer
   corrected_revision_ = state.revision;
   const std::string& problem = state.correction_refusal;
   if (!problem.empty()) spdlog::warn("the owner refused the {}: {}", Name(kind), problem);

@@ -55,15 +55,19 @@ class LoopCloser {
 
   MapFollower& follower() { return follower_; }
   const MapFollower& follower() const { return follower_; }
-  /// Acknowledges keyframes, which are looked at from then on, and corrections.
+  /// Acknowledges keyframes, which are looked at from then on, and corrections. Only of the maps that the robot's own mapper
+  /// owns: another's are its loop_closer's to look at.
   void OnMapperState(const MapperState& state);
+  /// kGrantOwnership: what a map's owner may be asked to do. kFuseMaps: goes on with the map that took in the other, and
+  /// adjusts all of it. kAdjustMap: global BA of a map of the robot's mapper, when nothing else is under way. kForgetMap.
+  void OnCommand(const Command& command);
 
   /// Applies what came, and looks at one keyframe that is ready. @return whether more wait.
   bool Update();
 
   /// Work that is due now, on a snapshot of its own; none while a job is under way or its correction is not answered.
   std::optional<Job> NextJob();
-  /// Whether the job under way is not worth ending: its map is not the robot's any more or has another owner, or a loop was found meanwhile.
+  /// Whether the job under way is not worth ending: its map has another owner or is no more, or a loop was found meanwhile.
   bool ShouldCancel() const;
   /// The job under way came back, or (null) was cancelled.
   void OnJobDone(JobResult result);
@@ -103,6 +107,11 @@ class LoopCloser {
   struct Proposal {
     JobKind kind = JobKind::kLoop;
     uint64_t number = 0;
+    MapId map;
+  };
+  struct Owner {
+    Epoch epoch = 0;
+    bool is_mine = false;  // the robot's mapper
   };
 
   void LookAt(const Ready& ready);
@@ -110,6 +119,12 @@ class LoopCloser {
   void OnLoop(const Map& map, const DetectedLoop& loop);
   void OnAnswered(const MapperState& state);
   void FinishClosure(const std::string& problem);
+  void OnFused(MapId map, MapId other);
+  void DropWork(MapId map, const std::string& reason);
+  void NoteOwner(MapId map, Epoch epoch, bool is_mine);
+  bool IsMine(MapId map) const;
+  bool IsAtHand(MapId map) const;
+  bool IsReady(const Ready& ready) const;
   bool Has(MapId map, Revision revision) const;
   bool IsSettled() const;
   Job MakeJob(JobKind kind, MapId map);
@@ -120,6 +135,7 @@ class LoopCloser {
   MapFollower follower_;
   LoopDetector detector_;
   MapId detector_map_;
+  std::map<MapId, Owner> owners_;
   std::deque<Ready> ready_;
   KeyFrameId last_keyframe_;
 
@@ -134,7 +150,7 @@ class LoopCloser {
   std::optional<JobKind> outbox_kind_;
   MapId corrected_map_;
   Revision corrected_revision_ = 0;  // at which the map has the last correction
-  std::optional<MapId> wants_global_;  // after a loop
+  std::optional<MapId> wants_global_;  // after a loop or a fusion, or asked for
   int keyframes_since_forward_ = 0;
   int forward_patience_ = 1;  // times options_.forward_every_keyframes: longer where FBA does not improve on the local BA
   uint64_t next_number_ = 1;

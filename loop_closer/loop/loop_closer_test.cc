@@ -20,6 +20,7 @@ const std::atomic<bool> kGoOn{false};
 class LoopCloserTest : public ::testing::Test {
  protected:
   explicit LoopCloserTest(const LoopOptions& options = Options()) : closer_(options, passes_.vocabulary, kProcess) {
+    closer_.follower().Follow(owner_.id());
     SendDelta();  // first: a follower keeps but a few keyframes that no delta has named
     for (const SyntheticScene* scene : {&passes_.first, &passes_.second}) {
       for (const SyntheticView& view : scene->views) Send(*view.data);
@@ -186,6 +187,116 @@ TEST_F(LoopCloserTest, KeyFramesOfNoMapAreAnsweredFor) {
   closer_.Update();
   EXPECT_EQ(closer_.last_keyframe(), first.last_keyframe);
   EXPECT_FALSE(closer_.is_busy());
+}
+
+TEST_F(LoopCloserTest, AnotherRobotsMapIsLeftToItsLoopCloser) {
+  Command grant;
+  grant.kind = CommandKind::kGrantOwnership;
+  grant.map = owner_.id();
+  grant.epoch = owner_.epoch();
+  grant.owner = ProcessId(5, 1, 1);
+  closer_.OnCommand(grant);
+  state_.process = grant.owner;
+  state_.map = owner_.id();
+  state_.epoch = owner_.epoch();
+  state_.revision = owner_.revision();
+  for (const SyntheticView& view : passes_.second.views) {
+    state_.last_keyframe = view.data->id;
+    closer_.OnMapperState(state_);
+    while (closer_.Update()) {
+    }
+    EXPECT_EQ(closer_.last_keyframe(), view.data->id) << "the robot's tracker need not wait";
+  }
+  state_.last_keyframe = KeyFrameId(5, 1, 1);
+  closer_.OnMapperState(state_);
+  EXPECT_NE(closer_.last_keyframe(), state_.last_keyframe) << "of another tracker";
+  EXPECT_EQ(closer_.counters().looked_at, 0u);
+  Command adjust;
+  adjust.kind = CommandKind::kAdjustMap;
+  adjust.map = owner_.id();
+  closer_.OnCommand(adjust);
+  EXPECT_FALSE(closer_.NextJob());
+}
+
+TEST_F(LoopCloserTest, ADormantMapIsNotCorrected) {
+  ASSERT_TRUE(FindLoop());
+  ASSERT_TRUE(closer_.NextJob());
+  Command grant;
+  grant.kind = CommandKind::kGrantOwnership;
+  grant.map = owner_.id();
+  grant.epoch = owner_.epoch() + 1;
+  grant.owner = grant.sender = ProcessId(0, 2, 2);  // the atlas_server, which has robot 0 too
+  closer_.OnCommand(grant);
+  EXPECT_TRUE(closer_.ShouldCancel());
+  closer_.OnJobCancelled();
+  EXPECT_FALSE(closer_.NextJob());
+  EXPECT_FALSE(closer_.is_busy());
+}
+
+TEST_F(LoopCloserTest, AdjustsAMapWhenAsked) {
+  Acknowledge(passes_.second.views[0].data->id);
+  EXPECT_FALSE(closer_.NextJob());
+  Command adjust;
+  adjust.kind = CommandKind::kAdjustMap;
+  adjust.map = owner_.id();
+  closer_.OnCommand(adjust);
+  EXPECT_EQ(RunJob(), JobKind::kGlobalBundleAdjustment);
+  if (const auto global = closer_.TakeCorrection()) Answer(*global);
+  EXPECT_FALSE(closer_.NextJob()) << "once";
+  adjust.map = MapId(9, 9, 9);
+  closer_.OnCommand(adjust);
+  EXPECT_FALSE(closer_.NextJob());
+}
+
+/// The map that is followed was taken into another one of the robot's mapper.
+TEST_F(LoopCloserTest, GoesOnInTheMapThatTookItsMapIn) {
+  ASSERT_TRUE(FindLoop());
+  ASSERT_EQ(RunJob(), JobKind::kLoop);
+  ASSERT_TRUE(closer_.TakeCorrection());
+  const Map fused(owner_);
+  Command command;
+  command.kind = CommandKind::kFuseMaps;
+  command.map = MapId(0, 9, 9);
+  command.other = owner_.id();
+  state_.map = command.map;
+  state_.epoch = 4;
+  state_.revision = 8;
+  closer_.OnMapperState(state_);
+  closer_.OnCommand(command);
+  EXPECT_FALSE(closer_.AwaitsAnswer()) << "nobody will answer for a map that is no more";
+  EXPECT_FALSE(closer_.closures().front().is_applied);
+  EXPECT_FALSE(closer_.follower().IsFollowed(owner_.id()));
+  EXPECT_FALSE(closer_.NextJob()) << "global BA waits for the map";
+
+  MapDelta snapshot = fused.Snapshot();
+  snapshot.map = command.map;
+  snapshot.epoch = 4;
+  snapshot.revision = 8;
+  for (const MapDeltaChunk& chunk : SplitDelta(snapshot, 1000)) closer_.follower().AddChunk(chunk);
+  while (closer_.Update()) {
+  }
+  auto job = closer_.NextJob();
+  ASSERT_TRUE(job);
+  const LoopCloser::JobResult result = (*job)(kGoOn);
+  EXPECT_EQ(result.kind, JobKind::kGlobalBundleAdjustment);
+  EXPECT_EQ(result.map, command.map);
+}
+
+TEST_F(LoopCloserTest, ADeletedMapIsForgotten) {
+  ASSERT_TRUE(FindLoop());
+  ASSERT_TRUE(closer_.NextJob());
+  Command command;
+  command.kind = CommandKind::kForgetMap;
+  command.map = owner_.id();
+  closer_.OnCommand(command);
+  EXPECT_TRUE(closer_.ShouldCancel());
+  closer_.OnJobCancelled();
+  EXPECT_FALSE(closer_.NextJob());
+  EXPECT_TRUE(closer_.follower().Maps().empty());
+  EXPECT_EQ(closer_.follower().index().size(), 0u);
+  Acknowledge(passes_.second.views[next_view_ + 1].data->id);
+  EXPECT_FALSE(closer_.NextJob());
+  EXPECT_FALSE(closer_.is_busy()) << "what still comes of it is answered for";
 }
 
 class OverloadedLoopCloserTest : public LoopCloserTest {

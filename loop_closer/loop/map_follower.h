@@ -1,5 +1,6 @@
 #pragma once
 
+#include <deque>
 #include <map>
 #include <memory>
 #include <optional>
@@ -12,23 +13,37 @@
 
 namespace portolan {
 
-/// Keeps replicas of the maps with an index of their keyframes by visual word: what loop closing looks for places in.
-/// Pure: no DDS, no threads; one thread uses it.
+/// Keeps replicas of a robot's maps with an index of their keyframes by visual word: what loop closing looks for places
+/// in. A robot's maps are those that its tracker makes keyframes in or is in, and that its mapper works on: of all that an
+/// atlas_server and other robots talk about, the few that matter here. Pure: no DDS, no threads; one thread uses it.
 ///
-///   MapFollower follower(vocabulary);
+///   MapFollower follower(vocabulary, robot);
 ///   follower.AddKeyFrame(message);  follower.AddChunk(chunk);  follower.OnMapperState(state);
 ///   for (const MapDelta& delta : follower.ApplyPending()) ...   // each new keyframe of it is in the index
 class MapFollower {
  public:
   /// @param vocabulary may be null: then no keyframe has words (tests of the replicas alone).
-  explicit MapFollower(std::shared_ptr<const Vocabulary> vocabulary) : vocabulary_(std::move(vocabulary)) {}
+  MapFollower(std::shared_ptr<const Vocabulary> vocabulary, RobotId robot) : vocabulary_(std::move(vocabulary)), robot_(robot) {}
+
+  /// Of maps that go back and forth between being active and dormant the last ones are followed; of more the one that
+  /// mattered least recently is forgotten.
+  static constexpr size_t kMaxFollowed = 8;
+  /// @param epoch in which it was heard of, 0 if unknown: a map that is no more may come back in a later one.
+  void Follow(MapId map, Epoch epoch = 0);
+  bool IsFollowed(MapId map) const;
 
   /// @return false for one made with another vocabulary, or of no map.
   bool AddKeyFrame(const KeyFrameMessage& message);
-  void AddChunk(MapDeltaChunk chunk) { replicas_.AddChunk(std::move(chunk)); }
+  void AddChunk(MapDeltaChunk chunk);
   void OnMapperState(const MapperState& state);
   /// The same for what a status tells, which comes again and again: for maps that began before this process.
   void OnStatus(const ProcessStatus& status);
+  /// Where the robot is.
+  void OnTrackerState(const TrackerState& state);
+  /// `map` has taken in `other`, which is no more; its keyframe data passes on. Followed on if either was.
+  void Fuse(MapId map, MapId other);
+  /// The map is no more.
+  void Remove(MapId map);
 
   /// Applies what can be applied and brings the index up to date. @return the deltas applied, in order.
   std::vector<MapDelta> ApplyPending();
@@ -48,8 +63,10 @@ class MapFollower {
   Summary Summarize(MapId map) const;
   /// Maps with a revision, by id.
   std::vector<MapId> Maps() const;
-  /// The map that changed last; none at first.
+  /// The map that the robot is in, as soon as it is here; before that the last one. None at first.
   MapId active_map() const { return active_map_; }
+  /// Whether the map is here, and as far as its owner has announced.
+  bool IsUpToDate(MapId map) const;
   /// By map, of the replicas as they are: equal to the owner's for an equal map.
   std::map<MapId, uint64_t> Hashes() const;
 
@@ -58,9 +75,16 @@ class MapFollower {
   MapReplica::Counters counters() const { return replicas_.counters(); }
 
  private:
+  bool IsHere(MapId map) const;
+  void Unindex(MapId map, const Map* except);
+  void ChooseActiveMap();
+
   std::shared_ptr<const Vocabulary> vocabulary_;
+  RobotId robot_;
+  std::deque<MapId> followed_;  // the one that mattered last is last
   ReplicaSet replicas_;
   KeyFrameIndex index_;  // of all maps
+  MapId tracked_map_;    // as the tracker says
   MapId active_map_;
 };
 

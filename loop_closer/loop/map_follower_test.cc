@@ -2,15 +2,20 @@
 
 #include <gtest/gtest.h>
 
+#include <functional>
+
 #include "map/random_edits.h"
 #include "vocabulary/vocabulary_training.h"
 
 namespace portolan {
 namespace {
 
+constexpr RobotId kRobot = 0;
+
 /// A map's owner and a follower that hears of everything.
 class MapFollowerTest : public ::testing::Test {
  protected:
+  void SetUp() override { follower_.Follow(map_.id()); }
   KeyFrameMessage Message(const KeyFrameData& data) const {
     KeyFrameMessage message;
     message.kind = KeyFrameKind::kCopy;
@@ -38,7 +43,7 @@ class MapFollowerTest : public ::testing::Test {
 
   Map map_{MapId(0, 1, 1), 1};
   RandomEdits edits_{1, &map_};
-  MapFollower follower_{nullptr};
+  MapFollower follower_{nullptr, kRobot};
 };
 
 TEST_F(MapFollowerTest, FollowsAMapThroughAllChanges) {
@@ -103,6 +108,8 @@ TEST_F(MapFollowerTest, TellsHowFarItIsBehindAndAsks) {
 
 TEST_F(MapFollowerTest, HearsOfAMapThatWasThereBefore) {
   ProcessStatus status;
+  status.role = "backend_mapper";
+  status.process = ProcessId(kRobot, 1, 1);
   status.map = map_.id();
   status.epoch = 1;
   status.revision = 9;
@@ -110,6 +117,121 @@ TEST_F(MapFollowerTest, HearsOfAMapThatWasThereBefore) {
   EXPECT_TRUE(follower_.Maps().empty());
   follower_.DueRequests(0, ProcessId(0, 2, 1));
   EXPECT_EQ(follower_.DueRequests(5, ProcessId(0, 2, 1)).size(), 1u);
+}
+
+/// An atlas_server and other robots share the partition.
+TEST_F(MapFollowerTest, FollowsTheMapsOfItsRobotAlone) {
+  follower_ = MapFollower(nullptr, kRobot);
+  const RobotId other_robot = 5;
+  KeyFrameMessage message = Message(*edits_.data().begin()->second);
+  EXPECT_TRUE(follower_.AddKeyFrame(message)) << "a copy, passed over";
+  MapperState state;
+  state.process = ProcessId(other_robot, 1, 1);
+  state.map = map_.id();
+  state.epoch = 1;
+  state.revision = 3;
+  follower_.OnMapperState(state);
+  ProcessStatus status;
+  status.process = ProcessId(kRobot, 1, 1);
+  status.role = "atlas_server";
+  status.map = map_.id();
+  status.revision = 3;
+  follower_.OnStatus(status);
+  TrackerState tracker;
+  tracker.process = ProcessId(other_robot, 1, 2);
+  tracker.map = map_.id();
+  follower_.OnTrackerState(tracker);
+  Send(map_.TakeDelta());
+  EXPECT_FALSE(follower_.IsFollowed(map_.id()));
+  EXPECT_TRUE(follower_.Maps().empty());
+  EXPECT_EQ(follower_.index().size(), 0u);
+
+  // Each of these shows that the robot is in the map.
+  const auto follows = [&](const std::function<void(MapFollower*)>& hear) {
+    MapFollower follower(nullptr, kRobot);
+    hear(&follower);
+    return follower.IsFollowed(map_.id());
+  };
+  EXPECT_TRUE(follows([&](MapFollower* follower) {
+    message.kind = KeyFrameKind::kInitialFirst;
+    follower->AddKeyFrame(message);
+  }));
+  EXPECT_TRUE(follows([&](MapFollower* follower) {
+    state.process = ProcessId(kRobot, 1, 1);
+    follower->OnMapperState(state);
+  }));
+  EXPECT_TRUE(follows([&](MapFollower* follower) {
+    status.role = "frontend_tracker";
+    follower->OnStatus(status);
+  }));
+  EXPECT_TRUE(follows([&](MapFollower* follower) {
+    tracker.process = ProcessId(kRobot, 1, 2);
+    follower->OnTrackerState(tracker);
+  }));
+}
+
+TEST_F(MapFollowerTest, FollowsTheLastMapsOnly) {
+  Send(map_.TakeDelta());
+  EXPECT_GT(follower_.index().size(), 0u);
+  for (uint32_t i = 1; i < MapFollower::kMaxFollowed; ++i) follower_.Follow(MapId(0, 3, i));
+  follower_.Follow(map_.id());
+  follower_.Follow(MapId(0, 3, 100));
+  EXPECT_TRUE(follower_.IsFollowed(map_.id())) << "it mattered lately";
+  EXPECT_FALSE(follower_.IsFollowed(MapId(0, 3, 1)));
+  for (uint32_t i = 1; i <= MapFollower::kMaxFollowed; ++i) follower_.Follow(MapId(0, 4, i));
+  EXPECT_FALSE(follower_.IsFollowed(map_.id()));
+  EXPECT_TRUE(follower_.Maps().empty());
+  EXPECT_EQ(follower_.index().size(), 0u);
+  EXPECT_FALSE(follower_.active_map().IsValid());
+}
+
+TEST_F(MapFollowerTest, TheActiveMapIsTheOneThatTheTrackerIsIn) {
+  Send(map_.TakeDelta());
+  EXPECT_EQ(follower_.active_map(), map_.id());
+  TrackerState state;
+  state.process = ProcessId(kRobot, 1, 2);
+  state.map = MapId(0, 3, 1);
+  follower_.OnTrackerState(state);
+  EXPECT_EQ(follower_.active_map(), map_.id()) << "the other is not here yet";
+  Map other(state.map, 1);
+  RandomEdits edits(5, &other);
+  for (const auto& [id, data] : edits.data()) {
+    KeyFrameMessage message = Message(*data);
+    message.map = other.id();
+    follower_.AddKeyFrame(message);
+  }
+  for (const MapDeltaChunk& chunk : SplitDelta(other.TakeDelta(), 7)) follower_.AddChunk(chunk);
+  follower_.ApplyPending();
+  EXPECT_EQ(follower_.active_map(), other.id());
+  edits_.Next();
+  Send(map_.Snapshot());
+  EXPECT_EQ(follower_.active_map(), other.id()) << "whatever changes";
+  follower_.Remove(other.id());
+  EXPECT_EQ(follower_.Maps().size(), 1u);
+  EXPECT_NE(follower_.active_map(), other.id());
+}
+
+TEST_F(MapFollowerTest, AMapTakenIntoAnotherPassesItsKeyFramesOn) {
+  Send(map_.TakeDelta());
+  Map into(MapId(0, 3, 1), 1);
+  Random random(4);
+  const auto own = RandomEdits::MakeData(KeyFrameId(0, 3, 1), &random);
+  into.AddKeyFrame(own, Rigid3d(), KeyFrameId());
+  follower_.Follow(into.id());
+  KeyFrameMessage message = Message(*own);
+  message.map = into.id();
+  follower_.AddKeyFrame(message);
+  for (const MapDeltaChunk& chunk : SplitDelta(into.TakeDelta(), 7)) follower_.AddChunk(chunk);
+  follower_.ApplyPending();
+
+  follower_.Fuse(into.id(), map_.id());
+  EXPECT_FALSE(follower_.IsFollowed(map_.id()));
+  EXPECT_EQ(follower_.index().size(), 1u);
+  for (const auto& [id, keyframe] : map_.keyframes()) into.AddKeyFrame(keyframe.data, keyframe.camera_from_map, own->id);
+  for (const MapDeltaChunk& chunk : SplitDelta(into.TakeDelta(), 7)) follower_.AddChunk(chunk);
+  EXPECT_EQ(follower_.ApplyPending().size(), 1u);
+  EXPECT_EQ(follower_.index().size(), into.keyframes().size());
+  EXPECT_EQ(follower_.Hashes().at(into.id()), HashMap(into));
 }
 
 TEST_F(MapFollowerTest, RefusesKeyFramesOfNoMap) {
@@ -127,7 +249,8 @@ TEST_F(MapFollowerTest, IndexesTheWordsOfAVocabularyAndRefusesOthers) {
   options.depth = 3;
   const auto vocabulary = TrainVocabulary(images, options, nullptr);
   ASSERT_TRUE(vocabulary.ok()) << vocabulary.error().message;
-  follower_ = MapFollower(*vocabulary);
+  follower_ = MapFollower(*vocabulary, kRobot);
+  follower_.Follow(map_.id());
   KeyFrameMessage message = Message(*edits_.data().begin()->second);
   message.vocabulary_hash = (*vocabulary)->hash() + 1;
   EXPECT_FALSE(follower_.AddKeyFrame(message));

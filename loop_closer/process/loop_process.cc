@@ -46,6 +46,8 @@ void LoopProcess::ConnectReaders() {
   readers_.push_back(bus_->CreateReader<MapDeltaChunk>(post(&LoopProcess::OnDeltaChunk)));
   readers_.push_back(bus_->CreateReader<MapperState>(post(&LoopProcess::OnMapperState)));
   readers_.push_back(bus_->CreateReader<ProcessStatus>(post(&LoopProcess::OnStatus)));
+  readers_.push_back(bus_->CreateReader<TrackerState>(post(&LoopProcess::OnTrackerState)));
+  readers_.push_back(bus_->CreateReader<Command>(post(&LoopProcess::OnCommand)));
 }
 
 int LoopProcess::Run() {
@@ -80,6 +82,13 @@ void LoopProcess::OnMapperState(const MapperState& state) {
 
 void LoopProcess::OnStatus(const ProcessStatus& status) {
   if (status.process != setup_.process) closer_.follower().OnStatus(status);
+}
+
+void LoopProcess::OnTrackerState(const TrackerState& state) { closer_.follower().OnTrackerState(state); }
+
+void LoopProcess::OnCommand(const Command& command) {
+  closer_.OnCommand(command);
+  Continue();
 }
 
 void LoopProcess::Continue() {

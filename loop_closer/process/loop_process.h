@@ -31,6 +31,8 @@ class LoopProcess {
   void OnDeltaChunk(const MapDeltaChunk& chunk);
   void OnMapperState(const MapperState& state);
   void OnStatus(const ProcessStatus& status);
+  void OnTrackerState(const TrackerState& state);
+  void OnCommand(const Command& command);
   void OnTick();
   void OnStatusTimer();
   void OnLogTimer();

@@ -10,7 +10,7 @@ constexpr size_t kDeltaChunkElements = 10000;
 
 Pipeline::Pipeline(const TrackerOptions& tracker_options, const MapperOptions& mapper_options, const LoopOptions& loop_options,
                    const CameraModel& camera, std::shared_ptr<const Vocabulary> vocabulary, uint32_t session)
-    : session_(session),
+    : point_ids_(kRobot, session),
       mapper_options_(mapper_options),
       vocabulary_(vocabulary),
       tracker_(tracker_options, camera, vocabulary, kRobot, session),
@@ -22,21 +22,30 @@ Pipeline::Pipeline(const TrackerOptions& tracker_options, const MapperOptions& m
 
 Tracker::Output Pipeline::Track(const Image& image) {
   Tracker::Output output = tracker_.Track(image);
-  for (const MapId map : output.new_maps) {
-    mappers_[map] = std::make_unique<LocalMapper>(mapper_options_, map, next_epoch_++, kRobot, session_,
-                                                  [this](MapDelta delta) {
-                                                    for (MapDeltaChunk& chunk : SplitDelta(delta, kDeltaChunkElements)) {
-                                                      loop_closer_.follower().AddChunk(std::move(chunk));
-                                                    }
-                                                    tracker_.AddDelta(std::move(delta));
-                                                  });
-  }
+  for (const Request& request : output.requests) Answer(request);
   for (const KeyFrameMessage& message : output.keyframes) Map(message);
   tracker_.ApplyPending();
   return output;
 }
 
+/// What the atlas_server would do.
+void Pipeline::Answer(const Request& request) {
+  Reply reply;
+  reply.ok = request.kind != "locate";  // it keeps no map that the tracker has not
+  if (request.kind == "new_map" && mappers_.count(request.map) == 0) {
+    mappers_[request.map] = std::make_unique<LocalMapper>(mapper_options_, request.map, next_epoch_++, &point_ids_,
+                                                          [this](MapDelta delta) {
+                                                            for (MapDeltaChunk& chunk : SplitDelta(delta, kDeltaChunkElements)) {
+                                                              loop_closer_.follower().AddChunk(std::move(chunk));
+                                                            }
+                                                            tracker_.AddDelta(std::move(delta));
+                                                          });
+  }
+  tracker_.OnReply(request, reply);
+}
+
 void Pipeline::Map(const KeyFrameMessage& message) {
+  if (message.kind == KeyFrameKind::kQuery) return;
   LocalMapper& mapper = *mappers_.at(message.map);
   auto data = MakeKeyFrameData(message.data, vocabulary_.get());
   loop_closer_.follower().AddKeyFrame(message);

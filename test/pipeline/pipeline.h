@@ -27,10 +27,11 @@ class Pipeline {
   const LoopCloser& loop_closer() const { return loop_closer_; }
 
  private:
+  void Answer(const Request& request);
   void Map(const KeyFrameMessage& message);
   void CloseLoops(LocalMapper* mapper, MapperState state);
 
-  uint32_t session_;
+  IdMinter<MapPointId> point_ids_;
   MapperOptions mapper_options_;
   std::shared_ptr<const Vocabulary> vocabulary_;
   Tracker tracker_;

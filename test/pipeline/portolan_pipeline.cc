@@ -13,6 +13,7 @@
 #include "map/map_file.h"
 #include "mapping/mapper_config.h"
 #include "pipeline/pipeline.h"
+#include "tracking/joined_trajectory.h"
 #include "tracking/tracker_config.h"
 #include "version/version.h"
 
@@ -49,16 +50,11 @@ int Run(const SourceOptions& source_options, const std::string& out, const Track
                   output.keyframes.size(), output.state.frame_ms);
   }
   pipeline.tracker().FinishBackfill();
-  Trajectory trajectory;
-  std::map<MapId, int> numbers;
-  for (const auto& [frame, record] : pipeline.tracker().history().records()) {
-    const Map& map = pipeline.tracker().replicas().at(record.map).map();
-    const auto camera_from_map = FrameHistory::CameraFromMap(map, record);
-    const int number = numbers.emplace(record.map, static_cast<int>(numbers.size())).first->second;
-    if (camera_from_map) trajectory.push_back({record.stamp, camera_from_map->Inverse(), number});
-  }
+  const Tracker& tracker = pipeline.tracker();
+  const RunTrajectories trajectories = MakeTrajectories(tracker.history(), tracker.replicas(), tracker.links());
+  const Trajectory& trajectory = trajectories.joined;
   for (const auto& [name, is_last] : {std::pair{"/trajectory.txt", false}, std::pair{"/trajectory_maps.txt", true}}) {
-    if (Status status = WriteTrajectory(out + name, trajectory, is_last); !status) {
+    if (Status status = WriteTrajectory(out + name, is_last ? trajectories.per_map : trajectory, is_last); !status) {
       spdlog::error("{}", status.error().message);
       return 1;
     }
@@ -73,6 +69,12 @@ int Run(const SourceOptions& source_options, const std::string& out, const Track
   }
   std::printf("frames %zu online %zu trajectory %zu keyframes sent %zu\n", static_cast<size_t>(frames), static_cast<size_t>(tracked),
               trajectory.size(), static_cast<size_t>(pipeline.tracker().num_keyframes_sent()));
+  const MapEvents& events = tracker.map_events();
+  std::printf("maps %zu links %zu unlinked %zu switches %zu fusions %zu; frames to a new map:", trajectories.map_numbers.size(),
+              tracker.links().num_links(), trajectories.unlinked_maps.size(), static_cast<size_t>(events.switches),
+              static_cast<size_t>(events.fusions));
+  for (const int frames_to_map : events.frames_to_new_map) std::printf(" %d", frames_to_map);
+  std::printf("\n");
   for (const auto& [id, mapper] : pipeline.mappers()) {
     std::printf("map %s: %zu keyframes, %zu points\n", ToString(id).c_str(), mapper->map().keyframes().size(), mapper->map().points().size());
     for (const auto& [stage, samples] : mapper->stage_times().samples()) {

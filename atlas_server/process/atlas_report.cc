@@ -1,0 +1,191 @@
+// What the atlas_server tells of itself: lists and the map graph on request, its status, and its report at the end.
+
+#include <nlohmann/json.hpp>
+
+#include "base/hash.h"
+#include "process/atlas_process.h"
+#include "process/process_report.h"
+
+namespace portolan {
+namespace {
+
+nlohmann::json ToJson(const Sim3d& s) {
+  return {{"scale", s.scale},
+          {"rotation", {s.rotation.x(), s.rotation.y(), s.rotation.z(), s.rotation.w()}},
+          {"translation", {s.translation.x(), s.translation.y(), s.translation.z()}}};
+}
+
+nlohmann::json ToJson(const JoinRecord& record) {
+  nlohmann::json json = {{"kind", record.kind == JoinRecord::Kind::kSwitch ? "switch" : "fusion"},
+                         {"robot", record.robot},
+                         {"map", ToString(record.map)},
+                         {"other", ToString(record.other)},
+                         {"keyframe", ToString(record.current)},
+                         {"matched", ToString(record.matched)},
+                         {"keyframes", record.keyframes},
+                         {"seconds", record.done_s - record.decided_s},
+                         {"done", record.is_done},
+                         {"problem", record.problem}};
+  json["map_from_other"] = ToJson(record.map_from_other);
+  return json;
+}
+
+}  // namespace
+
+Reply AtlasProcess::ListMaps() const {
+  nlohmann::json list = nlohmann::json::array();
+  for (const auto& [id, ownership] : atlas_.maps()) {
+    nlohmann::json entry = {{"map", ToString(id)},
+                            {"robot", ownership.robot},
+                            {"epoch", ownership.epoch},
+                            {"owner", ToString(ownership.owner)},
+                            {"owner_alive", atlas_.IsAlive(ownership.owner, Now())},
+                            {"active", atlas_.IsActive(id, Now())}};
+    const auto replica = shelf_.maps().find(id);
+    if (replica != shelf_.maps().end()) {
+      const Map& map = replica->second.map();
+      entry["revision"] = map.revision();
+      entry["keyframes"] = map.keyframes().size();
+      entry["points"] = map.points().size();
+    }
+    list.push_back(entry);
+  }
+  Reply reply;
+  reply.ok = true;
+  reply.text = nlohmann::json{{"maps", list}}.dump();
+  return reply;
+}
+
+AtlasProcess::Totals AtlasProcess::CountTotals() const {
+  Totals totals;
+  for (const auto& [id, replica] : shelf_.maps()) {
+    if (replica.map().revision() == 0) continue;
+    ++totals.maps;
+    totals.keyframes += replica.map().keyframes().size();
+    totals.points += replica.map().points().size();
+  }
+  return totals;
+}
+
+std::map<MapId, MapLabel> AtlasProcess::LabelMaps() const {
+  std::map<MapId, MapLabel> labels;
+  for (const auto& [id, ownership] : atlas_.maps()) {
+    MapLabel& label = labels[id];
+    label.robot = ownership.robot;
+    label.owner = ownership.owner;
+    label.is_active = atlas_.IsActive(id, Now());
+    const Map* map = shelf_.FindMap(id);
+    label.keyframes = map == nullptr ? atlas_.SizeOf(id) : map->keyframes().size();
+    label.points = map == nullptr ? 0 : map->points().size();
+  }
+  return labels;
+}
+
+/// @param format "dot" for Graphviz, else JSON.
+Reply AtlasProcess::DescribeGraph(const std::string& format) const {
+  Reply reply;
+  reply.ok = true;
+  reply.text = format == "dot" ? ToDot(atlas_.graph(), LabelMaps()) : portolan::ToJson(atlas_.graph(), LabelMaps());
+  return reply;
+}
+
+void AtlasProcess::AddOverlaps(nlohmann::json* report) const {
+  const MapJoiner::Counters& joined = joiner_.counters();
+  (*report)["map_graph"] = nlohmann::json::parse(portolan::ToJson(atlas_.graph(), LabelMaps()));
+  (*report)["overlaps"] = {{"looked_up", lookups_.keyframes},   {"passed_over", lookups_.passed_over}, {"maps", lookups_.maps},
+                           {"candidates", lookups_.candidates}, {"consistent", lookups_.consistent},   {"verified", lookups_.verified},
+                           {"confirmed", lookups_.confirmed},   {"refused", lookups_.refused},         {"found", joined.overlaps},
+                           {"located", lookups_.located},       {"not_located", lookups_.not_located}};
+  (*report)["switches"] = joined.switches;
+  (*report)["fusions"] = joined.fusions;
+  (*report)["joins"] = nlohmann::json::array();
+  for (const JoinRecord& record : joiner_.records()) (*report)["joins"].push_back(ToJson(record));
+  (*report)["overlap_refusals"] = nlohmann::json::array();
+  for (const OverlapRefusal& refusal : refusals_) {
+    (*report)["overlap_refusals"].push_back({{"map", ToString(refusal.map)},
+                                             {"keyframe", ToString(refusal.current)},
+                                             {"other", ToString(refusal.other)},
+                                             {"candidate", ToString(refusal.candidate)},
+                                             {"reason", refusal.reason}});
+  }
+  (*report)["appearance"] = {{"mb", shelf_.appearance_mb()},
+                             {"keyframes", shelf_.num_appearances()},
+                             {"loads", shelf_.loads()},
+                             {"load_failures", shelf_.load_failures()}};
+  (*report)["indexed_keyframes"] = shelf_.indexed_keyframes();
+}
+
+void AtlasProcess::OnStatusTimer() {
+  PublishFollowers(true);
+  const Totals totals = CountTotals();
+  const auto replica = shelf_.maps().find(last_map_);
+  const bool known = replica != shelf_.maps().end();
+  const bool failing = saver_ && store_failures_ > 0 && !saver_->IsComplete(shelf_.maps());
+  status_.Publish(failing            ? "the store can't be written"
+                  : totals.maps == 0 ? "waiting for a map"
+                                     : "following",
+                  last_map_, known ? replica->second.map().epoch() : 0, known ? replica->second.map().revision() : 0,
+                  {{"maps", static_cast<double>(totals.maps)},
+                   {"keyframes", static_cast<double>(totals.keyframes)},
+                   {"points", static_cast<double>(totals.points)},
+                   {"stored_keyframes", static_cast<double>(store_ == nullptr ? 0 : store_->num_keyframes())},
+                   {"pending_requests", static_cast<double>(atlas_.num_pending())},
+                   {"grants", static_cast<double>(grants_)},
+                   {"takeovers", static_cast<double>(atlas_.num_takeovers())},
+                   {"snapshots_sent", static_cast<double>(snapshots_sent_)},
+                   {"snapshots_asked", static_cast<double>(snapshots_asked_)},
+                   {"store_failures", static_cast<double>(store_failures_)},
+                   {"foreign_vocabulary", static_cast<double>(foreign_vocabulary_)},
+                   {"lookups", static_cast<double>(lookups_.keyframes)},
+                   {"lookup_ms", lookup_ms_},
+                   {"overlaps", static_cast<double>(joiner_.counters().overlaps)},
+                   {"switches", static_cast<double>(joiner_.counters().switches)},
+                   {"fusions", static_cast<double>(joiner_.counters().fusions)},
+                   {"joins_refused", static_cast<double>(joiner_.counters().refused)},
+                   {"joins_open", static_cast<double>(joiner_.num_open())},
+                   {"links", static_cast<double>(atlas_.graph().num_links())},
+                   {"appearance_mb", shelf_.appearance_mb()},
+                   {"events_waiting", static_cast<double>(loop_->depth())},
+                   {"events_dropped", static_cast<double>(loop_->dropped())}});
+}
+
+int AtlasProcess::Finish() {
+  ApplyPending();
+  TakeUpFusions();
+  PublishDecisions();
+  int exit_code = kExitOk;
+  if (Status saved = SaveAll(); !saved) {
+    spdlog::error("{}", saved.error().message);
+    exit_code = kExitFailure;
+  }
+  if (saver_) DropWhatIsStored();  // and what was fused is deleted
+  nlohmann::json report = MakeReport(setup_.options, priority_, times_, *bus_);
+  const Totals totals = CountTotals();
+  const MapReplica::Counters counters = shelf_.replicas().counters();
+  report["maps"] = totals.maps;
+  report["keyframes"] = totals.keyframes;
+  report["points"] = totals.points;
+  report["stored_keyframes"] = store_ == nullptr ? 0 : store_->num_keyframes();
+  report["store"] = store_ == nullptr ? "" : store_->path();
+  report["store_failures"] = store_failures_;
+  report["grants"] = grants_;
+  report["takeovers"] = atlas_.num_takeovers();
+  report["snapshots_sent"] = snapshots_sent_;
+  report["snapshots_asked"] = snapshots_asked_;
+  report["deltas"] = {{"applied", counters.applied},
+                      {"repeated", counters.repeated},
+                      {"stale_epoch", counters.stale_epoch},
+                      {"gaps", counters.gaps}};
+  report["map_hash"] = nlohmann::json::object();
+  for (const auto& [id, replica] : shelf_.maps()) {
+    if (replica.map().revision() > 0) report["map_hash"][ToString(id)] = FormatHash(HashMap(replica.map()));
+  }
+  AddOverlaps(&report);
+  if (Status written = WriteReport(setup_.options, report); !written) {
+    spdlog::error("{}", written.error().message);
+    exit_code = kExitFailure;
+  }
+  return exit_code;
+}
+
+}  // namespace portolan

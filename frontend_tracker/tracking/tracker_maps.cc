@@ -1,0 +1,303 @@
+// Going from map to map (paper Sec. 3.4 and 6, the tracker's part): over into another one, and along when two are fused.
+
+#include <algorithm>
+#include <cstdlib>
+#include <utility>
+
+#include "tracking/tracker.h"
+
+namespace portolan {
+namespace {
+
+constexpr int kMoveFrames = 30;                // tried, before a move is given up
+constexpr double kSnapshotPatienceS = 10.0;    // for the map itself to come
+constexpr int kWordsEvery = 5;                 // frames near the predicted pose that fail, to one by words
+constexpr size_t kLinkedMapsPerFrame = 2;      // tried by their Sim3
+constexpr size_t kMapsByWordsPerFrame = 2;     // tried by words: the rest has its turn with later frames
+constexpr double kMinShareOfPoints = 0.5;      // that a linked map must have of the points which the full map tracks, to be gone over into
+
+}  // namespace
+
+void Tracker::AskAtlas(const std::string& kind, MapId map, MapId other, const std::optional<Sim3d>& map_from_other, const std::string& argument) {
+  Request request;
+  request.kind = kind;
+  request.map = map;
+  request.other = other;
+  request.map_from_other = map_from_other.value_or(Sim3d());
+  request.argument = argument;
+  requests_.push_back(std::move(request));
+}
+
+void Tracker::OnReply(const Request& request, const Reply& reply) {
+  if (request.kind == "locate") queries_.OnReply(reply.ok);
+  if (request.kind == "new_map" && reply.ok) queries_.NoteMapsInAtlas(static_cast<size_t>(std::max(0, std::atoi(reply.text.c_str()))));
+}
+
+void Tracker::OnCommand(const Command& command) {
+  const bool is_mine = command.robot == robot_;
+  switch (command.kind) {
+    case CommandKind::kGrantOwnership: return NoteOwner(command.map, command.epoch, command.owner);
+    case CommandKind::kActivateMap:
+      if (command.other.IsValid() ? command.other == active_map_ : is_mine) PlanMove(command);
+      return;
+    case CommandKind::kFuseMaps:
+      // Whoever has been in `other` needs `map` now; for all others it is where these two lie.
+      if (maps_.Has(command.other)) maps_.Follow(command.map, true);
+      fusions_.push_back(command);
+      return;
+    case CommandKind::kLinkMaps:
+      if (!links_.AreLinked(command.map, command.other)) links_.Link({command.map, {}}, {command.other, {}}, command.map_from_other);
+      return;
+    case CommandKind::kNewMap:
+      if (is_mine && active_map_.IsValid() && !beginning_.map().IsValid() && !options_.localization_only) StartNewMap();
+      return;
+    case CommandKind::kLocalizeOnly:
+    case CommandKind::kMapAgain:
+      if (!is_mine) return;
+      options_.localization_only = command.kind == CommandKind::kLocalizeOnly;
+      if (options_.localization_only) StopBeginning();
+      return;
+    case CommandKind::kForgetMap: return ForgetMap(command.map);
+    default: return;
+  }
+}
+
+void Tracker::PlanMove(const Command& command) {
+  if (command.map == active_map_ || command.map == beginning_.map()) return;
+  maps_.Follow(command.map, true);
+  PlannedMove move;
+  move.target = command.map;
+  move.by_command = true;
+  if (command.other.IsValid()) {
+    move.target_from_active = command.map_from_other;
+  } else if (active_map_.IsValid()) {
+    move.target_from_active = links_.Find(command.map, active_map_);
+  }
+  move_ = move;
+}
+
+bool Tracker::IsFull(const Map& map) const {
+  return options_.max_map_keyframes > 0 && map.keyframes().size() >= static_cast<size_t>(options_.max_map_keyframes);
+}
+
+bool Tracker::ConsiderMapChange(Frame* frame) {
+  const Stopwatch stopwatch;
+  bool changed = move_ && TryPlannedMove(frame, true);
+  const Map& map = ActiveMap();
+  if (!move_ && !changed && !beginning_.map().IsValid() && !options_.localization_only && IsFull(map) &&
+      keyframe_policy_.IsLeaving(map, *frame)) {
+    changed = GoOnInLinkedMap(frame, true);
+    if (!changed) StartNewMap();
+  }
+  stage_times_.Add("change_map", stopwatch.Milliseconds());
+  return changed;
+}
+
+/// Tries to localise the frame in the map that is to be gone into. @param is_tracked whether its pose in the active map is known, not just predicted.
+bool Tracker::TryPlannedMove(Frame* frame, bool is_tracked) {
+  const Map* target = maps_.Find(move_->target);
+  if (!move_->since) move_->since = frame->stamp;
+  if (target == nullptr || target->keyframes().empty()) {
+    if (target == nullptr || SecondsBetween(*move_->since, frame->stamp) > kSnapshotPatienceS) GiveUpMove("the tracker has not got the map");
+    return false;
+  }
+  Frame moved = *frame;
+  bool found = false;
+  const bool has_prediction = move_->target_from_active && HasPose();
+  if (has_prediction) found = localizer_.LocalizeNear(*target, TransformPose(frame->camera_from_map, *move_->target_from_active), &moved);
+  if (!found && (!has_prediction || move_->frames_tried % kWordsEvery == kWordsEvery - 1)) {
+    AddWords(&moved);
+    found = localizer_.LocalizeByWords(*target, maps_.index(move_->target), &moved);
+  }
+  if (found) {
+    const PlannedMove move = *move_;
+    GoOver(move.target, std::move(moved), is_tracked ? frame : nullptr, move.target_from_active, frame);
+    return true;
+  }
+  if (++move_->frames_tried >= kMoveFrames) GiveUpMove("the camera was not localised in it in " + std::to_string(kMoveFrames) + " frames");
+  return false;
+}
+
+void Tracker::GiveUpMove(const std::string& reason) {
+  const PlannedMove move = *move_;
+  move_.reset();
+  if (!move.by_command) return;
+  ++events_.refusals;
+  AskAtlas("refuse_map", move.target, active_map_, std::nullopt, reason);
+}
+
+/// Tries maps whose place relative to this one is known. With a frame that is tracked: only one that is better than the full map here.
+bool Tracker::GoOnInLinkedMap(Frame* frame, bool is_tracked) {
+  if (move_ && !is_tracked && TryPlannedMove(frame, false)) return true;
+  size_t tried = 0;
+  for (const MapId id : links_.Reachable(active_map_)) {
+    const Map* map = maps_.Find(id);
+    if (map == nullptr || map->keyframes().empty() || id == beginning_.map()) continue;
+    const std::optional<Sim3d> map_from_active = links_.Find(id, active_map_);
+    const Rigid3d predicted = TransformPose(frame->camera_from_map, *map_from_active);
+    if (KeyFramesInView(*map, camera_.pinhole, predicted, 1).empty()) continue;
+    if (++tried > kLinkedMapsPerFrame) return false;
+    Frame moved = *frame;
+    if (!localizer_.LocalizeNear(*map, predicted, &moved)) continue;
+    const bool is_better = moved.num_inliers >= kMinShareOfPoints * frame->num_inliers &&
+                           (!IsFull(*map) || !keyframe_policy_.IsLeaving(*map, moved));
+    if (is_tracked && !is_better) continue;
+    GoOver(id, std::move(moved), is_tracked ? frame : nullptr, map_from_active, frame);
+    return true;
+  }
+  return false;
+}
+
+/// By words, for a frame of a camera that is lost: in the map it was in, then in the others in turn, those with most mutual activity first.
+bool Tracker::RelocalizeAnywhere(Frame* frame) {
+  const Stopwatch stopwatch;
+  const auto took = [&](bool found) {
+    stage_times_.Add("relocalize", stopwatch.Milliseconds());
+    return found;
+  };
+  if (move_ && TryPlannedMove(frame, false)) return took(true);
+  if (maps_.replicas().empty()) return false;
+  AddWords(frame);
+  if (active_map_.IsValid() && relocalizer_.Relocalize(ActiveMap(), maps_.index(active_map_), &map_tracker_, frame)) {
+    velocity_model_.Reset();
+    StopBeginning();
+    return took(true);
+  }
+  const std::vector<MapId> others = OtherMaps();
+  for (size_t i = 0; i < std::min(others.size(), kMapsByWordsPerFrame); ++i) {
+    const MapId id = others[next_other_map_++ % others.size()];
+    Frame moved = *frame;
+    if (!localizer_.LocalizeByWords(maps_.map(id), maps_.index(id), &moved)) continue;
+    GoOver(id, std::move(moved), nullptr, active_map_.IsValid() ? links_.Find(id, active_map_) : std::nullopt, frame);
+    return took(true);
+  }
+  return took(false);
+}
+
+/// Those with keyframes that the camera may be in besides the active one: by mutual activity with it, then those that have no link to it.
+std::vector<MapId> Tracker::OtherMaps() const {
+  std::vector<MapId> order = links_.Reachable(active_map_);
+  for (const auto& [id, replica] : maps_.replicas()) {
+    if (std::find(order.begin(), order.end(), id) == order.end()) order.push_back(id);
+  }
+  const auto is_no_choice = [&](MapId id) {
+    const Map* map = maps_.Find(id);
+    return id == active_map_ || id == beginning_.map() || map == nullptr || map->keyframes().empty();
+  };
+  order.erase(std::remove_if(order.begin(), order.end(), is_no_choice), order.end());
+  return order;
+}
+
+/// The active map is `target` from now on. @param moved the frame as it is localised there. @param before the same frame as it is tracked in the map that is
+/// left, or null. @param target_from_active what is known of the two, or none. @param frame becomes `moved`.
+void Tracker::GoOver(MapId target, Frame moved, const Frame* before, const std::optional<Sim3d>& target_from_active, Frame* frame) {
+  const MapId left = active_map_;
+  const Map& map = maps_.map(target);
+  const bool is_new_map = move_ && move_->is_new_map && move_->target == target;
+  std::optional<Sim3d> link = target_from_active;
+  if (before != nullptr) {
+    const auto measured = MeasureLink(
+        {MakeOverlap({map, moved.camera_from_map, moved.landmarks}, {ActiveMap(), before->camera_from_map, before->landmarks})});
+    if (measured) link = measured;
+  }
+  if (link && left.IsValid() && !links_.AreLinked(target, left)) {
+    links_.Link({target, moved.reference}, {left, before != nullptr ? before->reference : reference_keyframe_}, *link);
+  }
+  if (before != nullptr && link) {
+    // Exactly through this frame, so that the velocity sees no jump.
+    velocity_model_.MoveWithMap(LinkThroughCamera(moved.camera_from_map, before->camera_from_map, link->scale));
+  } else {
+    velocity_model_.Reset();
+  }
+  if (!is_new_map) {
+    AskAtlas("enter_map", target, link ? left : MapId(), link, "");
+    if (left.IsValid()) links_.NoteActivity(target, left);
+    if (left.IsValid()) ++events_.switches;
+  }
+  active_map_ = target;
+  move_.reset();
+  StopBeginning();
+  const auto awaited = awaited_keyframe_ ? unacknowledged_.find(*awaited_keyframe_) : unacknowledged_.end();
+  if (awaited == unacknowledged_.end() || awaited->second.map != target) awaited_keyframe_.reset();
+  keyframe_policy_.StartMap(map);
+  moved.map = target;
+  *frame = std::move(moved);
+}
+
+void Tracker::CompleteFusions() {
+  for (size_t i = 0; i < fusions_.size();) {
+    if (!IsFusionHere(fusions_[i])) {
+      ++i;
+      continue;
+    }
+    const Command fusion = fusions_[i];
+    fusions_.erase(fusions_.begin() + static_cast<ptrdiff_t>(i));
+    CompleteFusion(fusion);
+  }
+}
+
+/// Whether the replica of `map` holds what the tracker has of `other`: its reference keyframe, or any keyframe if it is elsewhere.
+bool Tracker::IsFusionHere(const Command& fusion) const {
+  const Map* other = maps_.Find(fusion.other);
+  const Map* map = maps_.Find(fusion.map);
+  if (other == nullptr || other->keyframes().empty()) return true;
+  if (map == nullptr) return false;
+  if (fusion.other == active_map_ && other->FindKeyFrame(reference_keyframe_) != nullptr && map->FindKeyFrame(reference_keyframe_) != nullptr) return true;
+  const auto& keyframes = other->keyframes();
+  const auto shared = std::count_if(keyframes.begin(), keyframes.end(), [&](const auto& entry) { return map->FindKeyFrame(entry.first) != nullptr; });
+  if (fusion.other != active_map_) return shared > 0;
+  return 2 * static_cast<size_t>(shared) > keyframes.size();  // all came, and just the reference has been removed again
+}
+
+void Tracker::CompleteFusion(const Command& fusion) {
+  if (backfill_map_ == fusion.other) FinishBackfill();
+  const bool was_there = maps_.Has(fusion.other);
+  links_.Fuse(fusion.map, fusion.other, fusion.map_from_other);
+  history_.Fuse(fusion.map, fusion.other, fusion.map_from_other);
+  if (was_there) ++events_.fusions;
+  if (active_map_ == fusion.other) GoOnInFused(fusion);
+  if (beginning_.old_map() == fusion.other) beginning_.SetOldMap(fusion.map);
+  if (move_ && (move_->target == fusion.other || move_->target == active_map_)) move_.reset();
+  // A keyframe on its way goes to the map that is, where it stands there.
+  for (auto& [id, message] : unacknowledged_) {
+    if (message.map != fusion.other) continue;
+    message.map = fusion.map;
+    if (message.kind == KeyFrameKind::kTracked) message.camera_from_map = TransformPose(message.camera_from_map, fusion.map_from_other);
+    if (auto data = maps_.FindKeyFrameData(id)) maps_.AddKeyFrameData(fusion.map, std::move(data));
+  }
+  maps_.Drop(fusion.other);
+}
+
+/// Pose and velocity pass to the map that took in the active one. Keyframes keep their ids: they tell how the scene around the reference has moved, more
+/// exactly than the similarity of the two maps as wholes.
+void Tracker::GoOnInFused(const Command& fusion) {
+  const Map& map = maps_.map(fusion.map);
+  const Sim3d map_from_other = MapMotion(maps_.map(fusion.other), reference_keyframe_).Measure(map).value_or(fusion.map_from_other);
+  active_map_ = fusion.map;
+  MoveWithMap(map_from_other);
+  if (last_frame_) reference_ = LandmarksInView(map, camera_.pinhole, last_frame_->camera_from_map);  // many were merged with the map's own
+  keyframe_policy_.StartMap(map);
+}
+
+void Tracker::ForgetMap(MapId map) {
+  if (beginning_.map() == map) beginning_.Stop();
+  if (spare_map_ == map) spare_map_ = MapId();
+  if (move_ && move_->target == map) move_.reset();
+  if (active_map_ == map) {
+    active_map_ = MapId();
+    state_ = TrackingState::kInitializing;
+    reference_.clear();
+    reference_keyframe_ = KeyFrameId();
+    awaited_keyframe_.reset();
+    lost_frames_ = 0;
+    velocity_model_.Reset();
+    ring_.Clear();
+  }
+  for (auto next = unacknowledged_.begin(); next != unacknowledged_.end();) {
+    next = next->second.map == map ? unacknowledged_.erase(next) : std::next(next);
+  }
+  links_.Forget(map);
+  maps_.Drop(map);
+}
+
+}  // namespace portolan
