@@ -23,6 +23,8 @@ class MapBeginning {
 
   /// Begins anew. @param old_map the map that the camera was in; none at the start of a run.
   void Start(MapId map, MapId old_map = MapId());
+  /// The same map, with other frames.
+  void StartAgain();
   /// Ends without a map: none is needed any more.
   void Stop() { Start(MapId()); }
   /// The old map became part of another one.

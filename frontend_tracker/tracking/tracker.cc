@@ -293,7 +293,7 @@ bool Tracker::OnMapperState(const MapperState& state) {
   }
   if (state.refused_keyframe.IsValid()) {
     unacknowledged_.erase(state.refused_keyframe);
-    if (beginning_.sent() && beginning_.sent()->second.data->id == state.refused_keyframe) DropPair();
+    if (beginning_.sent() && beginning_.sent()->second.data->id == state.refused_keyframe) OnPairRefused();
   }
   return true;
 }

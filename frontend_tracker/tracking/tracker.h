@@ -123,6 +123,7 @@ class Tracker {
   void ContinueBeginning(int offers, Timestamp now, Output* output);
   void SendPair(Initializer::Pair pair, Output* output);
   void DropPair();  // refused, or not needed any more
+  void OnPairRefused();
   void StopBeginning();
   void BeginTracking(uint64_t frame_now);
   void PlanToEnterNewMap();
@@ -196,6 +197,7 @@ class Tracker {
   std::vector<Request> requests_;                           // since the last frame
   std::optional<PlannedMove> move_;
   std::vector<Command> fusions_;                            // whose outcome is not in the replica yet
+  int refused_pairs_ = 0;                                   // of the map that begins
   MapId spare_map_;                                         // asked for, and not begun
   size_t next_other_map_ = 0;                               // whose turn it is when lost
   std::map<KeyFrameId, KeyFrameMessage> unacknowledged_;

@@ -11,6 +11,8 @@ namespace portolan {
 namespace {
 
 constexpr int kOffersWhileLost = 6;     // there is no tracking to be paid for
+constexpr double kBaselineSteps = 0.5;  // after each refusal the past frames begin somewhat farther away,
+constexpr int kNumBaselines = 4;        // up to 2.5 times the least baseline, and again from there
 constexpr size_t kMinCommon = 60;       // landmarks that a past frame must share with the last tracked one, to be where a new map begins
 
 Eigen::Quaterniond Turn(const Frame& from, const Frame& to) {
@@ -29,6 +31,7 @@ void Tracker::StartNewMap() {
   spare_map_ = MapId();
   maps_.Follow(map, false);
   AskAtlas("new_map", map, active_map_, std::nullopt, "");
+  refused_pairs_ = 0;
   beginning_.Start(map, active_map_);
   QueuePastFrames();
 }
@@ -38,7 +41,8 @@ void Tracker::StartNewMap() {
 void Tracker::QueuePastFrames() {
   const PinholeCamera& camera = camera_.pinhole;
   const double focal_share = std::min(1.0, std::max(camera.fx, camera.fy) / options_.initializer.reference_focal_px);
-  const std::vector<Frame> past = ring_.Overlapping(options_.initializer.min_baseline_px * focal_share, kMinCommon);
+  const double factor = 1.0 + kBaselineSteps * (refused_pairs_ % kNumBaselines);
+  const std::vector<Frame> past = ring_.Overlapping(factor * options_.initializer.min_baseline_px * focal_share, kMinCommon);
   const Frame* last = nullptr;
   for (const Frame& frame : past) {
     const bool is_newest = &frame == &past.back() && ring_.failed().empty();
@@ -82,6 +86,16 @@ void Tracker::AskForPlace(Frame* frame, Output* output) {
   output->keyframes.push_back(MakeMessage(KeyFrameKind::kQuery, frame, KeyFrameMessage()));
   AskAtlas("locate", MapId(), active_map_, std::nullopt, ToString(frame->data->id));
   queries_.NoteSent(frame->stamp);
+}
+
+/// With a camera that is still tracked, another pair of past frames is as good, and the next one is nearer to where the camera is: not the same first frame
+/// again, from which ever less is seen.
+void Tracker::OnPairRefused() {
+  DropPair();
+  if (!HasPose() || ring_.frames().empty()) return;
+  ++refused_pairs_;
+  beginning_.StartAgain();
+  QueuePastFrames();
 }
 
 void Tracker::DropPair() {
