@@ -3,7 +3,7 @@
 #include <set>
 #include <utility>
 
-#include "map/map_file.h"
+#include "atlas/map_import.h"
 #include "messages/limits.h"
 
 namespace portolan {
@@ -183,7 +183,8 @@ void AtlasProcess::OnRequest(const Request& request) {
   reply_writer_->Write(*reply);
 }
 
-/// Takes the maps of a file in, all or none: as dormant maps. Asked for again, because the answer was lost, it says the same.
+/// Takes the maps of a file in, all or none: as dormant maps, with the links between them. They are stored when the answer is
+/// ok. Asked for again, because the answer was lost, it says the same.
 Reply AtlasProcess::ImportMaps(const Request& request) {
   Reply reply;
   if (const auto imported = imports_.find(request.id); imported != imports_.end()) {
@@ -191,12 +192,13 @@ Reply AtlasProcess::ImportMaps(const Request& request) {
     reply.text = imported->second;
     return reply;
   }
-  Result<std::vector<StoredMap>> maps = ReadMapFile(request.argument);
-  if (!maps) {
-    reply.reason = maps.error().message;
+  Result<MapStore::Content> content = ReadMapsOf(request.argument);
+  if (!content) {
+    reply.reason = content.error().message;
     return reply;
   }
-  for (const StoredMap& map : *maps) {
+  for (const std::string& problem : content->problems) spdlog::error("{}", problem);
+  for (const StoredMap& map : content->maps) {
     const MapId id = map.snapshot.map;
     const Result<Map> restored = RestoreMap(map, nullptr);
     if (!restored) {
@@ -211,7 +213,7 @@ Reply AtlasProcess::ImportMaps(const Request& request) {
     }
     if (!reply.reason.empty()) return reply;
   }
-  for (StoredMap& map : *maps) {
+  for (StoredMap& map : content->maps) {
     const MapId id = map.snapshot.map;
     for (KeyFrameData& data : map.keyframes) {
       shelf_.AddKeyFrame(id, std::move(data));
@@ -221,7 +223,12 @@ Reply AtlasProcess::ImportMaps(const Request& request) {
     shelf_.replicas().AddDelta(std::move(map.snapshot));
     reply.text += (reply.text.empty() ? "" : " ") + ToString(id);
   }
+  for (const MapStore::Link& link : content->graph.links) {
+    if (atlas_.maps().count(link.map) == 1 && atlas_.maps().count(link.other) == 1) atlas_.LinkMaps(link);
+  }
   Continue();
+  if (const Status saved = SaveAll(); !saved) NoteStoreFailure(saved.error());  // kept in memory, and tried again
+  DropWhatIsStored();
   imports_[request.id] = reply.text;
   reply.ok = true;
   return reply;
