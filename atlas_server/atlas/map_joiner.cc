@@ -9,7 +9,6 @@ namespace portolan {
 namespace {
 
 constexpr size_t kMaxRecords = 1000;  // kept for the report
-constexpr int kMaxRefusals = 2;       // of a fusion by the mapper, each followed by another proposal
 
 /// (feature of a keyframe, landmark of the other side) by pairs (own landmark, landmark of the other side).
 std::vector<std::pair<uint32_t, MapPointId>> FeaturesOf(const KeyFrame& keyframe, const std::vector<std::pair<MapPointId, MapPointId>>& pairs) {
