@@ -162,7 +162,11 @@ std::vector<DetectedOverlap> OverlapDetector::Verify(const Map& map, KeyFrameId 
     DetectedOverlap overlap{map.id(), other.id(), current, matched, std::move(*place), {}};
     overlap.other_from_map = Sim3d(other.keyframe(matched).camera_from_map).Inverse() * overlap.place.query_from_candidate.Inverse() *
                              Sim3d(map.keyframe(current).camera_from_map);
+    const bool is_known = std::any_of(memory->confirmations.begin(), memory->confirmations.end(), [&](const Confirmation& earlier) {
+      return earlier.overlap.other == overlap.other && SayTheSame(map, overlap, earlier.overlap);
+    });
     verified.push_back(std::move(overlap));
+    if (is_known) break;  // what an earlier keyframe said too is not ambiguous
   }
   memory->refused = std::move(refused);
   return verified;
