@@ -44,6 +44,8 @@ OverlapDetection OverlapDetector::Detect(const Map& map, KeyFrameId current, con
   OverlapDetection detection;
   Memory& memory = memories_[map.id()];
   ++memory.round;
+  auto& confirmations = memory.confirmations;
+  while (!confirmations.empty() && memory.round - confirmations.front().round > options_.max_keyframes_apart) confirmations.pop_front();
   const Stopwatch stopwatch;
   const std::vector<const OtherMap*> maps = ChooseMaps(others, &memory);
   detection.maps = maps.size();
@@ -179,7 +181,6 @@ bool OverlapDetector::SayTheSame(const Map& map, const DetectedOverlap& a, const
 
 void OverlapDetector::Confirm(const Map& map, const DetectedOverlap& confirmed, Memory* memory, OverlapDetection* detection) const {
   auto& confirmations = memory->confirmations;
-  while (!confirmations.empty() && memory->round - confirmations.front().round > options_.max_keyframes_apart) confirmations.pop_front();
   bool agrees = false;
   for (const Confirmation& earlier : confirmations) {
     if (earlier.overlap.other != confirmed.other) continue;
