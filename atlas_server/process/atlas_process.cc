@@ -54,17 +54,8 @@ Status AtlasProcess::LoadStore() {
   atlas_.Restore(content->ownerships, MapGraph(content->graph));
   saved_graph_ = atlas_.graph().version();
   for (MapStore::StoredMap& stored : content->maps) {
-    const MapDelta& snapshot = stored.snapshot;
-    for (KeyFrameData& data : stored.keyframes) {
-      const KeyFrameId id = data.id;
-      shelf_.AddKeyFrame(snapshot.map, std::move(data));
-      shelf_.OnStored(id);
-    }
-    atlas_.OnEpoch(snapshot.map, snapshot.epoch);
-    shelf_.replicas().AddDelta(std::move(stored.snapshot));
-    shelf_.ApplyPending();  // the points take their descriptors
-    shelf_.Trim();
-    status_.AssertLiveliness();
+    atlas_.OnEpoch(stored.snapshot.map, stored.snapshot.epoch);
+    TakeIn(std::move(stored), true);
   }
   for (const auto& [id, replica] : shelf_.maps()) {
     if (replica.NeedsSnapshot()) {
@@ -79,6 +70,20 @@ Status AtlasProcess::LoadStore() {
   spdlog::info("atlas store '{}': {} maps, {} keyframes, {} points", store_->path(), totals.maps, totals.keyframes,
                totals.points);
   return Ok{};
+}
+
+/// A whole map. Its state waits for the keyframes: data that nothing waits for would not be kept.
+void AtlasProcess::TakeIn(StoredMap map, bool is_stored) {
+  const MapId id = map.snapshot.map;
+  shelf_.replicas().AddDelta(std::move(map.snapshot));
+  for (KeyFrameData& data : map.keyframes) {
+    const KeyFrameId keyframe = data.id;
+    shelf_.AddKeyFrame(id, std::move(data));
+    if (is_stored) shelf_.OnStored(keyframe);
+    status_.AssertLiveliness();
+  }
+  ApplyPending();  // the points take their descriptors
+  shelf_.Trim();
 }
 
 void AtlasProcess::ConnectReaders() {
@@ -215,12 +220,8 @@ Reply AtlasProcess::ImportMaps(const Request& request) {
   }
   for (StoredMap& map : content->maps) {
     const MapId id = map.snapshot.map;
-    for (KeyFrameData& data : map.keyframes) {
-      shelf_.AddKeyFrame(id, std::move(data));
-      status_.AssertLiveliness();
-    }
     atlas_.Adopt(id, map.snapshot.epoch);
-    shelf_.replicas().AddDelta(std::move(map.snapshot));
+    TakeIn(std::move(map), false);
     reply.text += (reply.text.empty() ? "" : " ") + ToString(id);
   }
   for (const MapStore::Link& link : content->graph.links) {
