@@ -271,6 +271,8 @@ void AtlasProcess::OnSnapshotRequest(const SnapshotRequest& request) {
   const auto& [map, robot, epoch, owner] = ownership->second;
   if (owner.IsValid() && owner != setup_.process && owner != request.asker && atlas_.IsAlive(owner, Now())) return;
   const auto replica = shelf_.maps().find(map);
+  spdlog::debug("{} asks for map {}, has revision {} and {} keyframes", ToString(request.asker), ToString(request.map), request.have_revision,
+                request.have_keyframes.size());
   if (replica != shelf_.maps().end() && replica->second.map().revision() > 0) {
     SendSnapshot(replica->second.map(), request.have_keyframes);
   } else if (owner == request.asker && shelf_.replicas().IsEmpty(map)) {
@@ -300,7 +302,7 @@ void AtlasProcess::SendSnapshot(const Map& map, const std::vector<KeyFrameId>& h
   for (const MapDeltaChunk& chunk : SplitDelta(map.Snapshot(), kDeltaChunkElements)) delta_writer_->Write(chunk);
   ++snapshots_sent_;
   times_.Add("snapshot", stopwatch.Milliseconds());
-  spdlog::info("sent map {} at revision {} for its owner", ToString(map.id()), map.revision());
+  spdlog::info("sent map {} at revision {}", ToString(map.id()), map.revision());
 }
 
 Result<KeyFrameData> AtlasProcess::WholeData(const KeyFrameData& data) {
