@@ -102,6 +102,19 @@ TEST_F(AtlasMapsTest, ATrackerThatEntersAMapHasItGrantedAndLeavesTheOther) {
   EXPECT_EQ(Owner(kNew), kServer);
 }
 
+TEST_F(AtlasMapsTest, AnEntryMeasuresALinkAnewButThoseOfNewMaps) {
+  for (const MapGraph::Origin origin : {MapGraph::Origin::kOverlap, MapGraph::Origin::kNewMap}) {
+    atlas_ = Atlas(kServer, now_);
+    StartInNewMap(60, 60);
+    atlas_.LinkMaps({kOld, kNew, Sim3d(1.4, Eigen::Quaterniond::Identity(), {1, 1, 1}), origin});
+    Ask(kTracker, "enter_map", kOld, kNew, "", OldFromNew());
+    const auto link = atlas_.graph().FindLink(kOld, kNew);
+    EXPECT_EQ(link->origin, origin);
+    EXPECT_NEAR(link->map_from_other.scale, origin == MapGraph::Origin::kOverlap ? OldFromNew().scale : 1.4, 1e-12);
+    living_.clear();
+  }
+}
+
 TEST_F(AtlasMapsTest, AnEntryWithoutASimilarityIsNoLink) {
   StartInNewMap(60, 60);
   EXPECT_TRUE(ReplyTo(Ask(kTracker, "enter_map", kOld, kNew)).ok);

@@ -70,8 +70,8 @@ class MapJoiner {
   void OnMapperState(const MapperState& state, double now_s);
   void OnTick(double now_s);
 
-  /// A fusion that is to be proposed now; once. None while another is being made. @param epoch_of the replica of a map that is
-  /// at rest: all that its owner has announced is there; 0 if it is not.
+  /// A fusion that is to be proposed now; once. None while another is being made. @param epoch_of a map's replica; 0 if
+  /// it is not whole.
   std::optional<FusionTask> NextFusion(const std::function<Epoch(MapId)>& epoch_of, double now_s);
   void OnProposed(Result<MapCorrection> proposal, double now_s);
   std::optional<MapCorrection> TakeCorrection();
