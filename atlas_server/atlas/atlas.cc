@@ -54,7 +54,7 @@ void Atlas::Handle(const Request& request, double now_s) {
   Reply refusal;
   refusal.reason = "unknown request '" + request.kind +
                    "': expected new_map, enter_map, refuse_map, link_maps, locate, register_mapper, list_maps, map_graph, save, activate, "
-                   "fuse, delete_map, start_map, global_ba, pause, resume, localize_only or map_again";
+                   "fuse, delete_map, import_map, start_map, global_ba, pause, resume, localize_only or map_again";
   Send(request, std::move(refusal));
 }
 
@@ -269,6 +269,13 @@ void Atlas::OnEpoch(MapId map, Epoch epoch) {
   const auto robot = robots_.find(
       known.robot);  // an earlier atlas_server granted it; if not to the mapper that we found here, a status will tell
   known.owner = robot != robots_.end() && robot->second.adopted ? robot->second.mapper : ProcessId();
+}
+
+void Atlas::Adopt(MapId map, Epoch epoch) {
+  deleted_.erase(map);
+  OnEpoch(map, epoch);
+  const auto adopted = maps_.find(map);
+  if (adopted != maps_.end()) Grant(&adopted->second, self_);
 }
 
 void Atlas::OnSize(MapId map, size_t keyframes) {

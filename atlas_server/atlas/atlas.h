@@ -69,6 +69,8 @@ class Atlas {
   void OnSignOfLife(ProcessId process, double now_s);
   /// A map was seen in this epoch (in a delta): later grants are above it.
   void OnEpoch(MapId map, Epoch epoch);
+  /// A map that came from a file: it is dormant from now on, in an epoch above that.
+  void Adopt(MapId map, Epoch epoch);
   /// A few times a second: what follows from silence.
   void OnTick(double now_s);
 

@@ -1,0 +1,201 @@
+// The atlas's decisions on many maps: which are dormant, where the trackers are, what is known of maps to each other.
+
+#include <gmock/gmock.h>
+
+#include "atlas/atlas_test_world.h"
+#include "testing/matchers.h"
+
+namespace portolan {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::SizeIs;
+
+constexpr PoseTolerance kExact{1e-9, 1e-9};
+
+class AtlasMapsTest : public AtlasWorld {
+ protected:
+  void TellIdle(bool idle) {
+    MapperState state;
+    state.process = kMapper;
+    state.idle = idle;
+    atlas_.OnMapperState(state, now_);
+  }
+};
+
+TEST_F(AtlasMapsTest, AMapThatTheTrackerLeftBecomesDormantInTheNextEpoch) {
+  StartInNewMap(60, 1);
+  EXPECT_EQ(EpochOf(kOld), 2u);
+  EXPECT_EQ(owners_[kOld], kServer);
+  EXPECT_FALSE(atlas_.IsActive(kOld, now_));
+  EXPECT_TRUE(atlas_.IsActive(kNew, now_));
+  EXPECT_EQ(atlas_.graph().ActivityOf(kOld, kNew), 1u);
+  EXPECT_EQ(atlas_.num_takeovers(), 0u) << "nobody died";
+  Go(20);
+  EXPECT_THAT(commands_, IsEmpty());
+}
+
+TEST_F(AtlasMapsTest, ItIsLeftToAMapperThatHasKeyFramesOfItInItsQueue) {
+  StartInNewMap(60, 1);
+  TellIdle(false);
+  Track(kTracker, kOld);
+  Go(1);
+  ASSERT_EQ(Owner(kOld), kMapper);
+  for (int i = 0; i < 16; ++i) {  // 4 s
+    TellIdle(false);
+    Go(0.25);
+  }
+  EXPECT_EQ(Owner(kNew), kMapper);
+  TellIdle(true);
+  Go(0.25);
+  EXPECT_EQ(Owner(kNew), kServer);
+}
+
+TEST_F(AtlasMapsTest, AMapperThatNeverRestsLosesItAtLast) {
+  StartInNewMap(60, 1);
+  Track(kTracker, kOld);
+  TellIdle(false);
+  Go(Atlas::kDormantAtLastS - 0.5);
+  EXPECT_EQ(Owner(kNew), kMapper);
+  Go(1);
+  EXPECT_EQ(Owner(kNew), kServer);
+}
+
+TEST_F(AtlasMapsTest, AMapThatATrackerWaitsForIsNotDormant) {
+  StartInNewMap(60, 1);
+  const MapId third(3, 10, 3);
+  Ask(kTracker, "new_map", third, kNew);
+  Go(10);
+  EXPECT_EQ(Owner(third), kMapper);
+  EXPECT_EQ(Owner(kNew), kMapper);
+  Track(kTracker, third);
+  Go(3);
+  EXPECT_EQ(Owner(third), kMapper);
+  EXPECT_EQ(Owner(kNew), kServer);
+}
+
+TEST_F(AtlasMapsTest, ADeadTrackersMapIsDormantAfterAWhile) {
+  StartInNewMap(60, 1);
+  Die(kTracker);
+  Go(Atlas::kGoneS - 0.5);
+  EXPECT_EQ(Owner(kNew), kMapper);
+  Go(2.5);
+  EXPECT_EQ(Owner(kNew), kServer);
+  Live(kTracker, "frontend_tracker", kNew, 1);  // it only slept
+  Go(0.5);
+  EXPECT_EQ(Owner(kNew), kMapper);
+  EXPECT_EQ(EpochOf(kNew), 3u);
+}
+
+TEST_F(AtlasMapsTest, ATrackerThatEntersAMapHasItGrantedAndLeavesTheOther) {
+  StartInNewMap(60, 60);
+  EXPECT_TRUE(ReplyTo(Ask(kTracker, "enter_map", kOld, kNew, "", OldFromNew())).ok);
+  EXPECT_EQ(Owner(kOld), kMapper);
+  EXPECT_EQ(EpochOf(kOld), 3u);
+  EXPECT_EQ(atlas_.graph().ActivityOf(kOld, kNew), 2u);
+  const auto links = Commands(CommandKind::kLinkMaps);
+  ASSERT_THAT(links, SizeIs(1)) << "it knows where the two lie to each other, which nobody did";
+  EXPECT_THAT(links[0].map_from_other, Sim3Near(OldFromNew(), kExact, 1e-9));
+  Track(kTracker, kOld);
+  Go(3);
+  EXPECT_EQ(Owner(kNew), kServer);
+}
+
+TEST_F(AtlasMapsTest, AnEntryWithoutASimilarityIsNoLink) {
+  StartInNewMap(60, 60);
+  EXPECT_TRUE(ReplyTo(Ask(kTracker, "enter_map", kOld, kNew)).ok);
+  EXPECT_EQ(atlas_.graph().num_links(), 0u);
+  const Reply unknown = ReplyTo(Ask(kTracker, "enter_map", MapId(9, 9, 9)));
+  EXPECT_FALSE(unknown.ok);
+  EXPECT_THAT(unknown.reason, HasSubstr("9.000009.9 is not known"));
+}
+
+TEST_F(AtlasMapsTest, LinksArePublishedOnceAndKept) {
+  StartInNewMap(60, 10);
+  Request request;
+  request.sender = kTracker;
+  request.kind = "link_maps";
+  request.map = kNew;
+  request.other = kOld;
+  request.map_from_other = OldFromNew().Inverse();
+  const RequestId id = Ask(request);
+  EXPECT_TRUE(ReplyTo(id).ok);
+  request.id = id;
+  atlas_.OnRequest(request, now_);  // repeated
+  Collect();
+  ASSERT_THAT(Commands(CommandKind::kLinkMaps), SizeIs(1));
+  const auto link = atlas_.graph().FindLink(kOld, kNew);
+  ASSERT_TRUE(link);
+  EXPECT_EQ(link->origin, MapGraph::Origin::kNewMap);
+  EXPECT_THAT(link->map_from_other, Sim3Near(OldFromNew(), kExact, 1e-9));
+  EXPECT_FALSE(ReplyTo(Ask(kTracker, "link_maps", kNew, kNew)).ok);
+}
+
+TEST_F(AtlasMapsTest, ANewMapsReplyTellsHowManyMapsHaveKeyFrames) {
+  StartInNewMap(60, 0);
+  EXPECT_EQ(ReplyTo(Ask(kTracker, "new_map", MapId(3, 10, 3))).text, "1");
+  atlas_.OnSize(kNew, 2);
+  EXPECT_EQ(ReplyTo(Ask(kTracker, "new_map", MapId(3, 10, 4))).text, "2");
+}
+
+TEST_F(AtlasMapsTest, ForwardsToTheRobotThatIsMeant) {
+  StartInNewMap(60, 1);
+  const ProcessId tool(0, 77, 1);
+  EXPECT_TRUE(ReplyTo(Ask(tool, "pause")).ok) << "there is but one robot";
+  ASSERT_THAT(Commands(CommandKind::kPause), SizeIs(1));
+  EXPECT_EQ(Commands(CommandKind::kPause)[0].robot, 3);
+  StartOtherRobot(5);
+  EXPECT_THAT(ReplyTo(Ask(tool, "resume")).reason, HasSubstr("2 robots"));
+  EXPECT_TRUE(ReplyTo(Ask(tool, "localize_only", MapId(), MapId(), "4")).ok);
+  EXPECT_EQ(Commands(CommandKind::kLocalizeOnly)[0].robot, 4);
+  EXPECT_THAT(ReplyTo(Ask(tool, "map_again", MapId(), MapId(), "5")).reason, HasSubstr("robot 5 has no tracker"));
+  EXPECT_THAT(ReplyTo(Ask(tool, "start_map", MapId(), MapId(), "4x")).reason, HasSubstr("'4x' is no robot's number"));
+}
+
+TEST_F(AtlasMapsTest, GlobalBundleAdjustmentNeedsAMapWithAMapper) {
+  StartInNewMap(60, 1);
+  EXPECT_TRUE(ReplyTo(Ask(kTracker, "global_ba", kNew)).ok);
+  ASSERT_THAT(Commands(CommandKind::kAdjustMap), SizeIs(1));
+  EXPECT_EQ(Commands(CommandKind::kAdjustMap)[0].map, kNew);
+  EXPECT_THAT(ReplyTo(Ask(kTracker, "global_ba", kOld)).reason, HasSubstr("dormant"));
+  EXPECT_THAT(ReplyTo(Ask(kTracker, "global_ba", kOthers)).reason, HasSubstr("not known"));
+}
+
+TEST_F(AtlasMapsTest, DeletesWhatNobodyUsesAndIgnoresWhatComesLate) {
+  StartInNewMap(60, 1);
+  EXPECT_THAT(ReplyTo(Ask(kTracker, "delete_map", kNew)).reason, HasSubstr("in use"));
+  EXPECT_TRUE(ReplyTo(Ask(kTracker, "delete_map", kOld)).ok);
+  EXPECT_THAT(Commands(CommandKind::kForgetMap), SizeIs(1));
+  EXPECT_THAT(atlas_.TakeDeleted(), ::testing::ElementsAre(kOld));
+  atlas_.OnEpoch(kOld, 1);
+  atlas_.OnSize(kOld, 60);
+  Live(kMapper, "backend_mapper", kOld, 1);
+  Go(3);
+  EXPECT_EQ(atlas_.maps().count(kOld), 0u);
+  EXPECT_EQ(atlas_.SizeOf(kOld), 0u);
+  EXPECT_FALSE(ReplyTo(Ask(kTracker, "delete_map", kOld)).ok);
+}
+
+TEST_F(AtlasMapsTest, ATrackerThatMissedAFusionIsToldByTheNextAtlasServer) {
+  MapGraph graph;
+  graph.AddMap(kOld);
+  graph.AddMap(kNew);
+  graph.Merge(kOld, kNew, OldFromNew());
+  atlas_.Restore({{kOld, 3, 4, kMapper}}, graph);
+  Live(kMapper, "backend_mapper", kOld, 4);
+  Live(kTracker, "frontend_tracker", kNew, 3);
+  Go(5);
+  const auto fusions = Commands(CommandKind::kFuseMaps);
+  ASSERT_THAT(fusions, SizeIs(1));
+  EXPECT_EQ(fusions[0].map, kOld);
+  EXPECT_EQ(fusions[0].other, kNew);
+  EXPECT_THAT(fusions[0].map_from_other, Sim3Near(OldFromNew(), kExact, 1e-9));
+  EXPECT_EQ(Owner(kOld), kMapper) << "who is in what went into a map is in that";
+  EXPECT_EQ(atlas_.maps().count(kNew), 0u);
+  EXPECT_TRUE(ReplyTo(Ask(kTracker, "enter_map", kNew)).ok);
+  EXPECT_EQ(atlas_.MapOf(kTracker), kOld);
+}
+
+}  // namespace
+}  // namespace portolan

@@ -9,7 +9,6 @@ namespace portolan {
 namespace {
 
 constexpr size_t kMaxRecords = 1000;  // kept for the report
-constexpr int kMaxRefusals = 2;       // of a fusion by the mapper, each followed by another proposal
 
 /// (feature of a keyframe, landmark of the other side) by pairs (own landmark, landmark of the other side).
 std::vector<std::pair<uint32_t, MapPointId>> FeaturesOf(const KeyFrame& keyframe, const std::vector<std::pair<MapPointId, MapPointId>>& pairs) {
@@ -200,9 +199,10 @@ void MapJoiner::OnMapperState(const MapperState& state, double now_s) {
   });
   if (proposal == proposals_.end()) return;
   if (!state.correction_refusal.empty()) {
-    if (++proposal->refusals > kMaxRefusals) return Finish(proposal, "refused by the mapper: " + state.correction_refusal, now_s);
-    // The map was corrected meanwhile, or passed on: anew, from what it is then.
-    spdlog::info("fusion of map {} into map {} is proposed anew: {}", ToString(proposal->other), ToString(proposal->map), state.correction_refusal);
+    // Mostly because the map was corrected since: then it is proposed anew from what it is now.
+    if (++proposal->refusals >= options_.max_proposals) return Finish(proposal, "refused by the mapper: " + state.correction_refusal, now_s);
+    spdlog::info("fusion of map {} and map {} refused by the mapper, proposed anew: {}", ToString(proposal->map), ToString(proposal->other),
+                 state.correction_refusal);
     proposal->stage = Stage::kGathering;
     proposal->since_s = now_s;
     return;

@@ -18,6 +18,7 @@ namespace portolan {
 struct JoinOptions {
   int switch_keyframes = 50;    ///< of the current map: with more the tracker switches to the overlapped map, with fewer the two are fused (paper Sec. 6)
   int retry_keyframes = 20;     ///< of the current map, after a proposal that came to nothing, and before the way back after a switch
+  int max_proposals = 3;        ///< of one fusion: a map that is being corrected refuses what was made from its last state
   double switch_patience_s = 10;   ///< for the tracker's answer: it tries for 30 frames, and may have to fetch the map first
   double grant_patience_s = 20;    ///< until one mapper holds both maps of a fusion
   double answer_patience_s = 10;   ///< for the mapper's answer to a proposed fusion
@@ -101,7 +102,7 @@ class MapJoiner {
     DetectedOverlap detected;  ///< of a fusion
     ProcessId owner;           ///< that is to own both maps of a fusion
     uint64_t number = 0;       ///< of the correction
-    int refusals = 0;          ///< of it, by the mapper
+    int refusals = 0;
     Sim3d map_from_other;
     JoinRecord record;
   };

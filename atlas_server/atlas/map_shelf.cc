@@ -33,17 +33,6 @@ void MapShelf::AddKeyFrame(MapId map, KeyFrameData data) {
   ForgetUnusedWords();
 }
 
-void MapShelf::AddStored(MapId map, const KeyFrameData& data) {
-  if (vocabulary_ != nullptr) {
-    BowVector bow;
-    NodeFeatures nodes;
-    vocabulary_->Transform(data.features.descriptors, kDirectIndexLevel, &bow, &nodes);
-    bags_[data.id] = std::make_shared<const BowVector>(std::move(bow));
-  }
-  stored_.insert(data.id);
-  replicas_.AddKeyFrameData(map, WithoutAppearance(data));
-}
-
 /// Frames that were offered for a map and are in none: ReplicaSet has forgotten them.
 void MapShelf::ForgetUnusedWords() {
   size_t known = 0;

@@ -42,8 +42,6 @@ class MapShelf {
 
   /// No effect if the keyframe is known.
   void AddKeyFrame(MapId map, KeyFrameData data);
-  /// A keyframe from the store: its words are taken, its descriptors stay there.
-  void AddStored(MapId map, const KeyFrameData& data);
   ReplicaSet& replicas() { return replicas_; }
   const std::map<MapId, MapReplica>& maps() const { return replicas_.replicas(); }
   /// See ReplicaSet; the words of new keyframes are indexed.

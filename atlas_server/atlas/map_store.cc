@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <iterator>
+#include <optional>
 
 #include "atlas/zstd_blob.h"
 #include "base/hash.h"
@@ -21,11 +22,11 @@ constexpr const char* kFirstTables =  // of schema 1
     "CREATE TABLE ownership(map INTEGER PRIMARY KEY, robot INTEGER NOT NULL, epoch INTEGER NOT NULL, owner INTEGER NOT "
     "NULL);";
 constexpr const char* kGraphTables =  // new in schema 2
-    "CREATE TABLE link(map INTEGER NOT NULL, other INTEGER NOT NULL, origin INTEGER NOT NULL, transform BLOB NOT NULL, "
-    "PRIMARY KEY(map, other));"
+    "CREATE TABLE graph_map(id INTEGER PRIMARY KEY);"
+    "CREATE TABLE link(map INTEGER NOT NULL, other INTEGER NOT NULL, transform BLOB NOT NULL, PRIMARY KEY(map, other));"
+    "CREATE TABLE fused(map INTEGER NOT NULL, other INTEGER PRIMARY KEY, transform BLOB NOT NULL);"
     "CREATE TABLE activity(map INTEGER NOT NULL, other INTEGER NOT NULL, count INTEGER NOT NULL, PRIMARY KEY(map, "
-    "other));"
-    "CREATE TABLE fused(other INTEGER PRIMARY KEY, map INTEGER NOT NULL, transform BLOB NOT NULL);";
+    "other));";
 
 /// Runs a statement that has no rows.
 Status Run(SqlStatement* statement) {
@@ -42,32 +43,38 @@ std::vector<KeyFrameId> Members(const MapDelta& snapshot) {
   return members;
 }
 
-uint64_t HashOf(const MapStore::Link& link, std::string_view transform) {
+uint64_t HashOf(MapId map, MapId other, std::string_view transform) {
   Hasher hasher;
-  hasher.Add(link.map.value);
-  hasher.Add(link.other.value);
+  hasher.Add(map.value);
+  hasher.Add(other.value);
   hasher.AddBytes(transform.data(), transform.size());
   return hasher.Value();
 }
 
-/// Scale, rotation (x, y, z, w) and translation as doubles, and a hash over them and the two maps.
-std::string LinkBlob(const MapStore::Link& link) {
+/// How it was found, scale, rotation (x, y, z, w) and translation as doubles, and a hash over them and the two maps.
+template <class T>
+std::string TransformBlob(const T& entry, uint8_t origin) {
   ByteWriter writer;
-  writer.Fixed(link.map_from_other.scale);
-  writer.FixedArray(link.map_from_other.rotation.coeffs().data(), 4);
-  writer.FixedArray(link.map_from_other.translation.data(), 3);
-  writer.Fixed(HashOf(link, writer.bytes()));
+  writer.Fixed(origin);
+  writer.Fixed(entry.map_from_other.scale);
+  writer.FixedArray(entry.map_from_other.rotation.coeffs().data(), 4);
+  writer.FixedArray(entry.map_from_other.translation.data(), 3);
+  writer.Fixed(HashOf(entry.map, entry.other, writer.bytes()));
   return writer.Take();
 }
 
-/// Reads it into the link of the two maps. @return whether it is whole.
-bool ReadLinkBlob(std::string_view blob, MapStore::Link* link) {
+/// Reads it for the two maps that `entry` names. @return the origin, or none when it is damaged.
+template <class T>
+std::optional<uint8_t> ReadTransformBlob(std::string_view blob, T* entry) {
   ByteReader reader(blob);
-  link->map_from_other.scale = reader.Fixed<double>();
-  reader.FixedArray(link->map_from_other.rotation.coeffs().data(), 4);
-  reader.FixedArray(link->map_from_other.translation.data(), 3);
+  const auto origin = reader.Fixed<uint8_t>();
+  entry->map_from_other.scale = reader.Fixed<double>();
+  reader.FixedArray(entry->map_from_other.rotation.coeffs().data(), 4);
+  reader.FixedArray(entry->map_from_other.translation.data(), 3);
   const auto hash = reader.Fixed<uint64_t>();
-  return reader.AtEnd() && hash == HashOf(*link, blob.substr(0, blob.size() - sizeof hash));
+  if (!reader.AtEnd() || hash != HashOf(entry->map, entry->other, blob.substr(0, blob.size() - sizeof hash)))
+    return std::nullopt;
+  return origin;
 }
 
 }  // namespace
@@ -224,30 +231,40 @@ Status MapStore::SaveOwnership(const Atlas::Ownership& ownership) {
 }
 
 Status MapStore::SaveGraph(const Graph& graph) {
-  const Status done = InTransaction([&]() -> Status {
-    if (Status cleared = database_.Execute("DELETE FROM link; DELETE FROM activity; DELETE FROM fused"); !cleared) return cleared;
-    Result<SqlStatement> insert_link = database_.Prepare("INSERT OR REPLACE INTO link VALUES (?1, ?2, ?3, ?4)");
-    if (!insert_link) return insert_link.error();
-    for (const Link& link : graph.links) {
-      const std::string blob = LinkBlob(link);
-      insert_link->Bind(1, link.map.value).Bind(2, link.other.value).Bind(3, static_cast<uint64_t>(link.origin)).Bind(4, blob);
-      if (Status inserted = Run(&*insert_link); !inserted) return inserted;
-    }
-    Result<SqlStatement> insert_activity = database_.Prepare("INSERT OR REPLACE INTO activity VALUES (?1, ?2, ?3)");
-    if (!insert_activity) return insert_activity.error();
-    for (const Activity& activity : graph.activities) {
-      insert_activity->Bind(1, activity.map.value).Bind(2, activity.other.value).Bind(3, activity.count);
-      if (Status inserted = Run(&*insert_activity); !inserted) return inserted;
-    }
-    Result<SqlStatement> insert_fused = database_.Prepare("INSERT OR REPLACE INTO fused VALUES (?1, ?2, ?3)");
-    if (!insert_fused) return insert_fused.error();
-    for (const auto& [map, other, map_from_other] : graph.fused) {
-      const std::string blob = LinkBlob({map, other, map_from_other});
-      if (Status inserted = Run(&insert_fused->Bind(1, other.value).Bind(2, map.value).Bind(3, blob)); !inserted) return inserted;
-    }
-    return Ok{};
-  });
+  const Status done = InTransaction([&] { return ReplaceGraph(graph); });
   if (!done) return At(done.error());
+  return Ok{};
+}
+
+Status MapStore::ReplaceGraph(const Graph& graph) {
+  for (const char* table : {"graph_map", "link", "fused", "activity"}) {
+    if (Status cleared = database_.Execute(std::string("DELETE FROM ") + table); !cleared) return cleared;
+  }
+  Result<SqlStatement> map = database_.Prepare("INSERT OR REPLACE INTO graph_map VALUES (?1)");
+  if (!map) return map.error();
+  for (const MapId id : graph.maps) {
+    if (Status inserted = Run(&map->Bind(1, id.value)); !inserted) return inserted;
+  }
+  Result<SqlStatement> link = database_.Prepare("INSERT OR REPLACE INTO link VALUES (?1, ?2, ?3)");
+  if (!link) return link.error();
+  for (const Link& entry : graph.links) {
+    const std::string blob = TransformBlob(entry, static_cast<uint8_t>(entry.origin));
+    link->Bind(1, entry.map.value).Bind(2, entry.other.value).Bind(3, std::string_view(blob));
+    if (Status inserted = Run(&*link); !inserted) return inserted;
+  }
+  Result<SqlStatement> fused = database_.Prepare("INSERT OR REPLACE INTO fused VALUES (?1, ?2, ?3)");
+  if (!fused) return fused.error();
+  for (const Fused& entry : graph.fused) {
+    const std::string blob = TransformBlob(entry, 0);
+    fused->Bind(1, entry.map.value).Bind(2, entry.other.value).Bind(3, std::string_view(blob));
+    if (Status inserted = Run(&*fused); !inserted) return inserted;
+  }
+  Result<SqlStatement> activity = database_.Prepare("INSERT OR REPLACE INTO activity VALUES (?1, ?2, ?3)");
+  if (!activity) return activity.error();
+  for (const Activity& entry : graph.activities) {
+    activity->Bind(1, entry.map.value).Bind(2, entry.other.value).Bind(3, entry.count);
+    if (Status inserted = Run(&*activity); !inserted) return inserted;
+  }
   return Ok{};
 }
 
@@ -255,7 +272,8 @@ Status MapStore::DeleteMap(MapId id) {
   const std::vector<KeyFrameId> vanished = Vanished(id, {});
   const Status done = InTransaction([&]() -> Status {
     for (const char* sql : {"DELETE FROM map WHERE id = ?1", "DELETE FROM ownership WHERE map = ?1",
-                            "DELETE FROM link WHERE map = ?1 OR other = ?1", "DELETE FROM activity WHERE map = ?1 OR other = ?1"}) {
+                            "DELETE FROM graph_map WHERE id = ?1", "DELETE FROM link WHERE map = ?1 OR other = ?1",
+                            "DELETE FROM fused WHERE map = ?1", "DELETE FROM activity WHERE map = ?1 OR other = ?1"}) {
       Result<SqlStatement> remove = database_.Prepare(sql);
       if (!remove) return remove.error();
       if (Status removed = Run(&remove->Bind(1, id.value)); !removed) return removed;
@@ -280,22 +298,15 @@ Result<MapStore::Content> MapStore::Load() {
   Content content;
   if (Status loaded = LoadOwnerships(&content); !loaded) return At(loaded.error());
   if (Status loaded = LoadMaps(&content); !loaded) return At(loaded.error());
-  if (Status loaded = LoadLinks(&content); !loaded) return At(loaded.error());
-  if (Status loaded = LoadActivities(&content); !loaded) return At(loaded.error());
-  if (Status loaded = LoadFused(&content); !loaded) return At(loaded.error());
+  if (Status loaded = LoadGraph(&content); !loaded) return At(loaded.error());
   return content;
 }
 
 Status MapStore::LoadOwnerships(Content* content) {
-  Result<SqlStatement> query = database_.Prepare("SELECT map, robot, epoch, owner FROM ownership ORDER BY map");
-  if (!query) return query.error();
-  for (;;) {
-    const Result<bool> row = query->Step();
-    if (!row) return row.error();
-    if (!*row) return Ok{};
-    content->ownerships.push_back({MapId(query->Integer(0)), static_cast<RobotId>(query->Integer(1)), query->Integer(2),
-                                   ProcessId(query->Integer(3))});
-  }
+  return ForEachRow("SELECT map, robot, epoch, owner FROM ownership ORDER BY map", [&](const SqlStatement& row) {
+    content->ownerships.push_back(
+        {MapId(row.Integer(0)), static_cast<RobotId>(row.Integer(1)), row.Integer(2), ProcessId(row.Integer(3))});
+  });
 }
 
 Status MapStore::LoadMaps(Content* content) {
@@ -317,49 +328,45 @@ Status MapStore::LoadMaps(Content* content) {
   }
 }
 
-Status MapStore::LoadLinks(Content* content) {
-  Result<SqlStatement> query = database_.Prepare("SELECT map, other, origin, transform FROM link ORDER BY map, other");
+Status MapStore::ForEachRow(const char* sql, const std::function<void(const SqlStatement& row)>& read) {
+  Result<SqlStatement> query = database_.Prepare(sql);
   if (!query) return query.error();
   for (;;) {
     const Result<bool> row = query->Step();
     if (!row) return row.error();
     if (!*row) return Ok{};
-    const uint64_t origin = std::min(query->Integer(2), static_cast<uint64_t>(MapGraph::Origin::kEntered));
-    Link link{MapId(query->Integer(0)), MapId(query->Integer(1)), Sim3d(), static_cast<MapGraph::Origin>(origin)};
-    if (ReadLinkBlob(query->Blob(3), &link)) {
-      content->graph.links.push_back(link);
-    } else {
-      const std::string name = "the link of map " + ToString(link.map) + " to map " + ToString(link.other);
-      content->problems.push_back(At({name + " is left out: damaged"}).message);
-    }
+    read(*query);
   }
 }
 
-Status MapStore::LoadActivities(Content* content) {
-  Result<SqlStatement> query = database_.Prepare("SELECT map, other, count FROM activity ORDER BY map, other");
-  if (!query) return query.error();
-  for (;;) {
-    const Result<bool> row = query->Step();
-    if (!row) return row.error();
-    if (!*row) return Ok{};
-    content->graph.activities.push_back({MapId(query->Integer(0)), MapId(query->Integer(1)), query->Integer(2)});
-  }
-}
-
-Status MapStore::LoadFused(Content* content) {
-  Result<SqlStatement> query = database_.Prepare("SELECT map, other, transform FROM fused ORDER BY other");
-  if (!query) return query.error();
-  for (;;) {
-    const Result<bool> row = query->Step();
-    if (!row) return row.error();
-    if (!*row) return Ok{};
-    Link link{MapId(query->Integer(0)), MapId(query->Integer(1)), Sim3d()};
-    if (ReadLinkBlob(query->Blob(2), &link)) {
-      content->graph.fused.push_back({link.map, link.other, link.map_from_other});
-    } else {
-      content->problems.push_back(At({"where map " + ToString(link.other) + " went into map " + ToString(link.map) + " is damaged"}).message);
-    }
-  }
+Status MapStore::LoadGraph(Content* content) {
+  Graph& graph = content->graph;
+  const auto note_damage = [&](const std::string& what, MapId map, MapId other) {
+    const std::string name = "the " + what + " of map " + ToString(map) + " and map " + ToString(other);
+    content->problems.push_back(At({name + " is left out: damaged"}).message);
+  };
+  Status read = ForEachRow("SELECT id FROM graph_map ORDER BY id",
+                           [&](const SqlStatement& row) { graph.maps.emplace_back(row.Integer(0)); });
+  if (!read) return read;
+  read = ForEachRow("SELECT map, other, transform FROM link ORDER BY map, other", [&](const SqlStatement& row) {
+    Link link;
+    link.map = MapId(row.Integer(0));
+    link.other = MapId(row.Integer(1));
+    const std::optional<uint8_t> origin = ReadTransformBlob(row.Blob(2), &link);
+    if (!origin) return note_damage("link", link.map, link.other);
+    link.origin = static_cast<MapGraph::Origin>(*origin);
+    graph.links.push_back(link);
+  });
+  if (!read) return read;
+  read = ForEachRow("SELECT map, other, transform FROM fused ORDER BY other", [&](const SqlStatement& row) {
+    Fused fused{MapId(row.Integer(0)), MapId(row.Integer(1)), Sim3d()};
+    if (!ReadTransformBlob(row.Blob(2), &fused)) return note_damage("fusion", fused.map, fused.other);
+    graph.fused.push_back(fused);
+  });
+  if (!read) return read;
+  return ForEachRow("SELECT map, other, count FROM activity ORDER BY map, other", [&](const SqlStatement& row) {
+    graph.activities.push_back({MapId(row.Integer(0)), MapId(row.Integer(1)), row.Integer(2)});
+  });
 }
 
 Result<MapStore::StoredMap> MapStore::LoadMap(MapId id) {

@@ -25,9 +25,8 @@ namespace portolan {
 ///   keyframe(id, data)                      data: EncodeKeyFrameData, zstd
 ///   map(id, epoch, revision, state)         state: EncodeSnapshot, zstd; its keyframes are in keyframe
 ///   ownership(map, robot, epoch, owner)     of every map ever granted and not deleted
-///   link(map, other, origin, transform)     transform: map_from_other (see LinkBlob in map_store.cc)
-///   activity(map, other, count)             the map graph's mutual activities
-///   fused(map, other, transform)            other went into map
+///   graph_map(id), link(map, other, transform), fused(map, other, transform), activity(map, other, count)
+///                                           the map graph; transform: map_from_other (see TransformBlob in map_store.cc)
 /// Each blob has a hash over its content in it, which is verified when it is read; a blob that is damaged is left out and
 /// named. Schema 1 had no map graph; a file of it becomes one of schema 2, at once or not at all, when it is opened.
 class MapStore {
@@ -39,11 +38,12 @@ class MapStore {
   using StoredMap = portolan::StoredMap;
   using Link = MapGraph::Link;
   using Activity = MapGraph::Activity;
+  using Fused = MapGraph::Fused;
   using Graph = MapGraph::State;
   struct Content {
     std::vector<StoredMap> maps;               ///< by id
     std::vector<Atlas::Ownership> ownerships;  ///< by map
-    Graph graph;                               ///< by map and other; its maps are those of the links and activities
+    Graph graph;                               ///< by map and other
     std::vector<std::string> problems;  ///< maps and links that are damaged and left out, and why; they stay in the file
   };
   /// Fails when the file as a whole can't be read.
@@ -62,8 +62,8 @@ class MapStore {
   Status SaveOwnership(const Atlas::Ownership& ownership);
   /// Replaces the map graph as a whole.
   Status SaveGraph(const Graph& graph);
-  /// Drops a map with its ownership, its part of the map graph, and those of its keyframes that are in no other map. No
-  /// effect for a map that is not there.
+  /// Drops a map with its ownership, its part of the map graph (but not that it went into another), and those of its
+  /// keyframes that are in no other map. No effect for a map that is not there.
   Status DeleteMap(MapId id);
   /// Writes one map into a file of its own (map/map_file.h).
   Status ExportMap(MapId id, const std::string& path);
@@ -90,9 +90,9 @@ class MapStore {
   Result<KeyFrameData> ReadKeyFrame(KeyFrameId id);
   Status LoadMaps(Content* content);
   Status LoadOwnerships(Content* content);
-  Status LoadLinks(Content* content);
-  Status LoadActivities(Content* content);
-  Status LoadFused(Content* content);
+  Status LoadGraph(Content* content);
+  Status ReplaceGraph(const Graph& graph);
+  Status ForEachRow(const char* sql, const std::function<void(const SqlStatement& row)>& read);
   Error At(const Error& error) const { return Error{"atlas store '" + path_ + "': " + error.message}; }
 
   std::string path_;

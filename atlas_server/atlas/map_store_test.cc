@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "base/random.h"
 #include "map/map_io.h"
 #include "map/random_edits.h"
 
@@ -203,9 +204,196 @@ TEST_F(MapStoreTest, RefusesANewerSchema) {
   Open(path_).reset();
   {
     auto database = SqlDatabase::Open(path_);
-    ASSERT_TRUE(database->Execute("PRAGMA user_version = 2").ok());
+    ASSERT_TRUE(database->Execute("PRAGMA user_version = 3").ok());
   }
-  EXPECT_THAT(OpenError(path_), HasSubstr("newer Portolan (schema 2"));
+  EXPECT_THAT(OpenError(path_), HasSubstr("newer Portolan (schema 3"));
+}
+
+/// What schema 2 has and schema 1 had not, taken out again.
+void MakeSchema1(const fs::path& path) {
+  auto database = SqlDatabase::Open(path);
+  ASSERT_TRUE(database.ok());
+  ASSERT_TRUE(database->Execute("DROP TABLE graph_map; DROP TABLE link; DROP TABLE fused; DROP TABLE activity; PRAGMA user_version = 1").ok());
+}
+
+TEST_F(MapStoreTest, AFileOfSchema1KeepsItsMapsAndGetsAGraph) {
+  const Map map = MakeMap(3);
+  ASSERT_TRUE(Save(Open(path_).get(), map).ok());
+  MakeSchema1(path_);
+  MapStore::Graph graph;
+  graph.links = {{MapId(0, 1, 1), MapId(0, 1, 2), Sim3d(), {}}};
+  {
+    const auto store = Open(path_);
+    const MapStore::Content content = Load(store.get());
+    ASSERT_EQ(content.maps.size(), 1u);
+    EXPECT_EQ(HashOf(content.maps[0]), HashMap(map));
+    EXPECT_TRUE(content.graph.links.empty() && content.graph.activities.empty());
+    EXPECT_EQ(MessageOf(store->SaveGraph(graph)), "");
+  }
+  EXPECT_EQ(Load(Open(path_).get()).graph.links.size(), 1u);
+}
+
+TEST_F(MapStoreTest, AMigrationThatFailsLeavesTheFileAsItWas) {
+  ASSERT_TRUE(Save(Open(path_).get(), MakeMap(3)).ok());
+  MakeSchema1(path_);
+  {  // a table in the way of the second of the new ones
+    auto database = SqlDatabase::Open(path_);
+    ASSERT_TRUE(database->Execute("CREATE TABLE activity(x)").ok());
+  }
+  EXPECT_THAT(OpenError(path_), HasSubstr("activity"));
+  auto database = SqlDatabase::Open(path_);
+  EXPECT_EQ(*database->QueryInteger("PRAGMA user_version"), 1u);
+  EXPECT_EQ(*database->QueryInteger("SELECT count(*) FROM sqlite_schema WHERE name = 'link'"), 0u);
+  EXPECT_EQ(*database->QueryInteger("SELECT count(*) FROM map"), 1u);
+}
+
+MapStore::Graph MakeGraph() {
+  const MapId a(0, 1, 1), b(0, 1, 2), c(3, 1, 1);
+  const Sim3d first(0.5, Eigen::Quaterniond(Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitY())), {1, 2, 3});
+  MapStore::Graph graph;
+  graph.maps = {a, b, c};
+  graph.links = {{a, b, first, {}}, {a, c, first.Inverse(), {}}};
+  graph.links[1].origin = MapGraph::Origin::kEntered;
+  graph.activities = {{a, b, 3}, {b, c, 1}};
+  graph.fused = {{a, MapId(40000, 1, 7), first}};
+  return graph;
+}
+
+template <class T>
+void ExpectSameTransform(const T& a, const T& b) {
+  EXPECT_EQ(a.map, b.map);
+  EXPECT_EQ(a.other, b.other);
+  EXPECT_EQ(a.map_from_other.scale, b.map_from_other.scale);
+  EXPECT_EQ(a.map_from_other.rotation.coeffs(), b.map_from_other.rotation.coeffs());
+  EXPECT_EQ(a.map_from_other.translation, b.map_from_other.translation);
+}
+
+TEST_F(MapStoreTest, KeepsTheMapGraph) {
+  const MapStore::Graph graph = MakeGraph();
+  {
+    const auto store = Open(path_);
+    const MapId other(0, 1, 8), another(0, 1, 9);
+    MapStore::Graph before;
+    before.maps = {other, another};
+    before.links = {{other, another, Sim3d(), {}}};
+    before.activities = {{other, another, 7}};
+    before.fused = {{other, another, Sim3d()}};
+    ASSERT_EQ(MessageOf(store->SaveGraph(before)), "");
+    ASSERT_EQ(MessageOf(store->SaveGraph(graph)), "") << "in place of the one before";
+  }
+  const MapStore::Graph loaded = Load(Open(path_).get()).graph;
+  EXPECT_EQ(loaded.maps, graph.maps);
+  ASSERT_EQ(loaded.links.size(), graph.links.size());
+  for (size_t i = 0; i < graph.links.size(); ++i) {
+    ExpectSameTransform(loaded.links[i], graph.links[i]);
+    EXPECT_EQ(loaded.links[i].origin, graph.links[i].origin);
+  }
+  ASSERT_EQ(loaded.fused.size(), 1u);
+  ExpectSameTransform(loaded.fused[0], graph.fused[0]);
+  ASSERT_EQ(loaded.activities.size(), graph.activities.size());
+  for (size_t i = 0; i < graph.activities.size(); ++i) {
+    EXPECT_EQ(loaded.activities[i].map, graph.activities[i].map);
+    EXPECT_EQ(loaded.activities[i].other, graph.activities[i].other);
+    EXPECT_EQ(loaded.activities[i].count, graph.activities[i].count);
+  }
+}
+
+TEST_F(MapStoreTest, ADeletedMapIsGoneWithWhatIsItsAlone) {
+  const Map map = MakeMap(3);
+  MapDelta other = map.Snapshot();  // with keyframes in common, as after a fusion
+  other.map = MapId(0, 1, 2);
+  {
+    const auto store = Open(path_);
+    ASSERT_TRUE(Save(store.get(), map).ok());
+    ASSERT_TRUE(store->SaveMap(other).ok());
+    ASSERT_TRUE(store->SaveOwnership({map.id(), 0, 1, ProcessId(0, 1, 1)}).ok());
+    ASSERT_TRUE(store->SaveOwnership({other.map, 0, 1, ProcessId(0, 1, 1)}).ok());
+    MapStore::Graph graph;
+    graph.maps = {map.id(), other.map};
+    graph.links = {{map.id(), other.map, Sim3d(), {}}};
+    graph.activities = {{other.map, MapId(0, 1, 9), 1}};
+    graph.fused = {{other.map, map.id(), Sim3d()}};
+    ASSERT_TRUE(store->SaveGraph(graph).ok());
+    ASSERT_EQ(MessageOf(store->DeleteMap(map.id())), "");
+    EXPECT_FALSE(store->HasMap(map.id()));
+    EXPECT_EQ(store->num_keyframes(), map.keyframes().size());
+    EXPECT_EQ(MessageOf(store->DeleteMap(MapId(0, 7, 7))), "") << "one that is not there";
+  }
+  const auto store = Open(path_);
+  MapStore::Content content = Load(store.get());
+  ASSERT_EQ(content.maps.size(), 1u);
+  EXPECT_EQ(content.maps[0].snapshot.map, other.map);
+  ASSERT_EQ(content.ownerships.size(), 1u);
+  EXPECT_TRUE(content.graph.links.empty());
+  EXPECT_EQ(content.graph.maps.size(), 1u);
+  EXPECT_EQ(content.graph.activities.size(), 1u);
+  EXPECT_EQ(content.graph.fused.size(), 1u) << "that it went into the other is still known";
+  ASSERT_EQ(MessageOf(store->DeleteMap(other.map)), "");
+  EXPECT_EQ(store->num_keyframes(), 0u);
+  content = Load(store.get());
+  EXPECT_TRUE(content.maps.empty() && content.ownerships.empty() && content.graph.activities.empty());
+}
+
+TEST_F(MapStoreTest, LoadsOneMapAndExportsIt) {
+  const Map map = MakeMap(3);
+  const auto store = Open(path_);
+  ASSERT_TRUE(Save(store.get(), map).ok());
+  const auto stored = store->LoadMap(map.id());
+  ASSERT_TRUE(stored.ok()) << stored.error().message;
+  EXPECT_EQ(HashOf(*stored), HashMap(map));
+  EXPECT_THAT(store->LoadMap(MapId(0, 7, 7)).error().message, HasSubstr("is not in the store"));
+
+  ASSERT_EQ(MessageOf(store->ExportMap(map.id(), folder_ / "one.pmap")), "");
+  const auto file = ReadMapFile(folder_ / "one.pmap");
+  ASSERT_TRUE(file.ok()) << file.error().message;
+  ASSERT_EQ(file->size(), 1u);
+  EXPECT_EQ(HashOf((*file)[0]), HashMap(map));
+  EXPECT_THAT(MessageOf(store->ExportMap(MapId(0, 7, 7), folder_ / "none.pmap")), HasSubstr("is not in the store"));
+  EXPECT_THAT(MessageOf(store->ExportMap(map.id(), folder_ / "no_folder" / "one.pmap")), HasSubstr("no_folder"));
+}
+
+/// One bit anywhere in a blob.
+TEST_F(MapStoreTest, DamageOfABlobIsNoticedAndNamed) {
+  const Map map = MakeMap(3);
+  {
+    const auto store = Open(path_);
+    ASSERT_TRUE(Save(store.get(), map).ok());
+    MapStore::Graph graph;
+    graph.links = {{MapId(0, 1, 5), MapId(0, 1, 6), Sim3d(), {}}};
+    graph.fused = {{MapId(0, 1, 7), MapId(0, 1, 8), Sim3d()}};
+    ASSERT_TRUE(store->SaveGraph(graph).ok());
+  }
+  Random random(1);
+  const struct {
+    const char* table;
+    const char* column;
+    const char* named;
+  } blobs[] = {{"keyframe", "data", "keyframe 0."}, {"map", "state", "map state"}, {"link", "transform", "link of map 0.000001.5 and map 0.000001.6"},
+               {"fused", "transform", "fusion of map 0.000001.7 and map 0.000001.8"}};
+  for (const auto& [table, column, named] : blobs) {
+    for (int round = 0; round < 20; ++round) {
+      const fs::path copy = folder_ / "copy.db";
+      fs::copy_file(path_, copy, fs::copy_options::overwrite_existing);
+      {
+        auto database = SqlDatabase::Open(copy);
+        const std::string where = " FROM " + std::string(table) + " LIMIT 1";
+        const uint64_t row = *database->QueryInteger("SELECT rowid" + where);
+        std::string blob;
+        {
+          auto query = database->Prepare("SELECT " + std::string(column) + where);
+          ASSERT_TRUE(*query->Step());
+          blob = query->Blob(0);
+        }
+        const size_t at = random.Below(blob.size());
+        blob[at] = static_cast<char>(blob[at] ^ 1 << random.Below(8));
+        auto update = database->Prepare("UPDATE " + std::string(table) + " SET " + column + " = ?1 WHERE rowid = ?2");
+        ASSERT_TRUE(update->Bind(1, std::string_view(blob)).Bind(2, row).Step().ok());
+      }
+      const MapStore::Content content = Load(Open(copy).get());
+      ASSERT_EQ(content.problems.size(), 1u) << table << ", round " << round;
+      EXPECT_THAT(content.problems[0], HasSubstr(named));
+    }
+  }
 }
 
 TEST_F(MapStoreTest, RefusesAFolderThatCantBeWritten) {

@@ -35,10 +35,13 @@ Result<Sim3d> AlignSharedPoints(const Map& map, const Map& other) {
 /// The mapper is done with a keyframe.
 void AtlasProcess::QueueKeyFrame(const MapperState& state) {
   KeyFrameId& last = queued_[state.process];
-  if (!state.last_keyframe.IsValid() || state.last_keyframe == last) return;
+  if (!state.last_keyframe.IsValid()) return;
+  FollowerState& follower = followers_[state.last_keyframe.robot()];
+  if (state.last_keyframe == last) {
+    if (follower.last_keyframe == last && state.map.IsValid()) follower.map = state.map;  // nothing new of the map it has come to
+    return;
+  }
   last = state.last_keyframe;
-  FollowerState& follower = followers_[last.robot()];
-  follower.process = setup_.process;
   if (!options_.join_maps || shelf_.maps().size() < 2) {
     follower.map = state.map;
     follower.last_keyframe = last;
@@ -280,6 +283,9 @@ void AtlasProcess::OnFused(MapId map, MapId other, Revision revision) {
   }
   for (Waiting& waiting : waiting_) {
     if (waiting.map == other) waiting = {map, waiting.keyframe, revision};
+  }
+  for (auto& [robot, follower] : followers_) {
+    if (follower.map == other) follower.map = map;
   }
 }
 

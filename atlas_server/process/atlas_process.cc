@@ -3,9 +3,8 @@
 #include <set>
 #include <utility>
 
-#include "base/hash.h"
+#include "map/map_file.h"
 #include "messages/limits.h"
-#include "process/process_report.h"
 
 namespace portolan {
 namespace {
@@ -56,12 +55,17 @@ Status AtlasProcess::LoadStore() {
   saved_graph_ = atlas_.graph().version();
   for (MapStore::StoredMap& stored : content->maps) {
     const MapDelta& snapshot = stored.snapshot;
-    for (const KeyFrameData& data : stored.keyframes) shelf_.AddStored(snapshot.map, data);
+    for (KeyFrameData& data : stored.keyframes) {
+      const KeyFrameId id = data.id;
+      shelf_.AddKeyFrame(snapshot.map, std::move(data));
+      shelf_.OnStored(id);
+    }
     atlas_.OnEpoch(snapshot.map, snapshot.epoch);
     shelf_.replicas().AddDelta(std::move(stored.snapshot));
+    shelf_.ApplyPending();  // the points take their descriptors
+    shelf_.Trim();
     status_.AssertLiveliness();
   }
-  shelf_.ApplyPending();
   for (const auto& [id, replica] : shelf_.maps()) {
     if (replica.NeedsSnapshot()) {
       spdlog::error("atlas store '{}': map {} is no valid map and left out: {}", store_->path(), ToString(id),
@@ -165,15 +169,62 @@ void AtlasProcess::Continue() {
 }
 
 void AtlasProcess::OnRequest(const Request& request) {
-  if (request.kind == "list_maps" || request.kind == "save" || request.kind == "map_graph") {
-    Reply reply = request.kind == "save" ? SaveOnRequest() : request.kind == "list_maps" ? ListMaps() : DescribeGraph(request.argument);
-    reply.id = request.id;
-    reply.sender = setup_.process;
-    reply_writer_->Write(reply);
-    return;
+  std::optional<Reply> reply;
+  if (request.kind == "save") reply = SaveOnRequest();
+  if (request.kind == "list_maps") reply = ListMaps();
+  if (request.kind == "map_graph") reply = DescribeGraph(request.argument);
+  if (request.kind == "import_map") reply = ImportMaps(request);
+  if (!reply) {
+    atlas_.OnRequest(request, Now());
+    return Continue();
   }
-  atlas_.OnRequest(request, Now());
+  reply->id = request.id;
+  reply->sender = setup_.process;
+  reply_writer_->Write(*reply);
+}
+
+/// Takes the maps of a file in, all or none: as dormant maps. Asked for again, because the answer was lost, it says the same.
+Reply AtlasProcess::ImportMaps(const Request& request) {
+  Reply reply;
+  if (const auto imported = imports_.find(request.id); imported != imports_.end()) {
+    reply.ok = true;
+    reply.text = imported->second;
+    return reply;
+  }
+  Result<std::vector<StoredMap>> maps = ReadMapFile(request.argument);
+  if (!maps) {
+    reply.reason = maps.error().message;
+    return reply;
+  }
+  for (const StoredMap& map : *maps) {
+    const MapId id = map.snapshot.map;
+    const Result<Map> restored = RestoreMap(map, nullptr);
+    if (!restored) {
+      reply.reason = request.argument + ": map " + ToString(id) + ": " + restored.error().message;
+    } else if (atlas_.maps().count(id) == 1 || shelf_.maps().count(id) == 1) {
+      reply.reason = "map " + ToString(id) + " is in this atlas already";
+    } else if (atlas_.Resolve(id) != id) {
+      reply.reason = "map " + ToString(id) + " was in this atlas, and went into map " + ToString(atlas_.Resolve(id));
+    }
+    for (const KeyFrameData& data : map.keyframes) {
+      if (shelf_.FindWords(data.id) != nullptr) reply.reason = "keyframe " + ToString(data.id) + " of map " + ToString(id) + " is in this atlas already";
+    }
+    if (!reply.reason.empty()) return reply;
+  }
+  for (StoredMap& map : *maps) {
+    const MapId id = map.snapshot.map;
+    for (KeyFrameData& data : map.keyframes) {
+      shelf_.AddKeyFrame(id, std::move(data));
+      status_.AssertLiveliness();
+    }
+    atlas_.Adopt(id, map.snapshot.epoch);
+    shelf_.replicas().AddDelta(std::move(map.snapshot));
+    reply.text += (reply.text.empty() ? "" : " ") + ToString(id);
+  }
   Continue();
+  imports_[request.id] = reply.text;
+  reply.ok = true;
+  return reply;
 }
 
 /// What was granted is on the disk before anybody hears of it: an atlas_server that comes after this one goes on above
@@ -199,7 +250,7 @@ void AtlasProcess::PublishDecisions() {
   }
   for (const Command& command : atlas_.TakeCommands()) command_writer_->Write(command);
   for (const Reply& reply : atlas_.TakeReplies()) {
-    if (!reply.ok) spdlog::warn("refused: {}", reply.reason);
+    if (!reply.ok) spdlog::info("refused: {}", reply.reason);
     reply_writer_->Write(reply);
   }
 }

@@ -101,6 +101,7 @@ class AtlasProcess {
   std::map<MapId, MapLabel> LabelMaps() const;
   void AddOverlaps(nlohmann::json* report) const;
   Reply SaveOnRequest();
+  Reply ImportMaps(const Request& request);
   int Finish();
   struct Totals {
     size_t maps = 0, keyframes = 0, points = 0;
@@ -135,6 +136,7 @@ class AtlasProcess {
   std::map<ProcessId, KeyFrameId> queued_;    // the last of each mapper
   std::deque<KeyFrameData> queries_;          // of trackers that know no map
   std::deque<Search> searches_;
+  std::map<RequestId, std::string> imports_;  // answered: the maps
   std::optional<FusionTask> fusion_;          // waits for descriptors
   std::vector<MapJoiner::Done> to_be_deleted_;  // maps that were fused, until what they went into is stored
   uint64_t saved_graph_ = 0;                  // version

@@ -158,6 +158,7 @@ int AtlasProcess::Finish() {
     spdlog::error("{}", saved.error().message);
     exit_code = kExitFailure;
   }
+  if (saver_) DropWhatIsStored();  // and what was fused is deleted
   nlohmann::json report = MakeReport(setup_.options, priority_, times_, *bus_);
   const Totals totals = CountTotals();
   const MapReplica::Counters counters = shelf_.replicas().counters();

@@ -84,7 +84,7 @@ class Map {
   /// finds. A valid map stays valid, whatever comes.
   Status Apply(const MapDelta& delta, const FindData& find_data);
   /// Goes on without a keyframe's orientations and descriptors (WithoutAppearance), or with them again. Its points keep the
-  /// descriptors they have; later ones come from keyframes that have theirs.
+  /// descriptors they have, also through a snapshot; points that have none get them from keyframes that have theirs.
   void ReplaceData(KeyFrameId id, std::shared_ptr<const KeyFrameData> data);
 
   // Covisibility: keyframes that see common points, by number of common points (paper Sec. 4: the pose graph's weight).
@@ -116,6 +116,7 @@ class Map {
   Status CheckOrigin(const MapDelta& delta) const;
   void ApplyChecked(const MapDelta& delta, const FindData& find_data);
   void ApplyRemovals(const MapDelta& delta);
+  void TakeMissingDescriptors(const Map& from);
   void ApplyObservations(const MapDelta& delta);
   static constexpr uint8_t kGeometryStale = 1, kDescriptorStale = 2;
   void MarkStale(MapPoint* point, uint8_t what);

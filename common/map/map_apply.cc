@@ -96,6 +96,7 @@ Status Map::Apply(const MapDelta& delta, const FindData& find_data) {
     Map fresh(id_, delta.epoch);
     if (Status status = CheckDelta(fresh, delta, find_data); !status) return status;
     fresh.ApplyChecked(delta, find_data);
+    fresh.TakeMissingDescriptors(*this);
     *this = std::move(fresh);
     return Ok{};
   }
@@ -108,6 +109,20 @@ void Map::ReplaceData(KeyFrameId id, std::shared_ptr<const KeyFrameData> data) {
   KeyFrame& keyframe = MutableKeyFrame(id);
   PORTOLAN_CHECK(data->id == id && data->features.size() == keyframe.landmarks.num_features()) << "data of " << data->id;
   keyframe.data = std::move(data);
+  if (!keyframe.data->features.HasAppearance()) return;
+  for (const MapPointId landmark : keyframe.landmarks) {
+    MapPoint& point = points_.at(landmark);
+    if (point.descriptor == Descriptor()) MarkStale(&point, kDescriptorStale);
+  }
+  RefreshDerived();
+}
+
+/// Of points none of whose keyframes has descriptors here.
+void Map::TakeMissingDescriptors(const Map& from) {
+  for (auto& [id, point] : points_) {
+    if (point.descriptor != Descriptor()) continue;
+    if (const MapPoint* known = from.FindPoint(id)) point.descriptor = known->descriptor;
+  }
 }
 
 void Map::ApplyChecked(const MapDelta& delta, const FindData& find_data) {

@@ -1,0 +1,51 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+
+#include "atlas/overlap_detector.h"
+#include "place_recognition/place_test_scene.h"
+
+// What tests of overlaps share: one place seen on two passes, as two maps.
+
+namespace portolan {
+
+inline SyntheticSceneOptions TwoMapsSceneOptions() {
+  SyntheticSceneOptions options;
+  options.num_landmarks = 400;
+  options.num_clutter = 200;
+  options.num_views = 20;
+  options.travel = 2;
+  options.descriptor_flip_ratio = 0.03;
+  return options;
+}
+
+inline KeyFrameIndex IndexOf(const Map& map) {
+  KeyFrameIndex index;
+  for (const auto& [id, keyframe] : map.keyframes()) index.Add(id, WordsOf(keyframe.data));
+  return index;
+}
+
+/// The first pass as one map, the second as another with its own frame and scale.
+struct TwoMaps {
+  explicit TwoMaps(const SyntheticSceneOptions& options = TwoMapsSceneOptions(), const Appearance& second_appearance = nullptr)
+      : passes(MakeTwoPasses(options, second_appearance)), first(BuildMap(passes.first)), second(MakeSecond()), words(IndexOf(first)) {
+    first.TakeDelta();
+    second.TakeDelta();
+  }
+  Map MakeSecond() const {
+    MapBuilderOptions options;
+    options.map = MapId(0, 1, 2);
+    options.map_from_world = SecondFromFirst();
+    return BuildMap(passes.second, options);
+  }
+  static Sim3d SecondFromFirst() { return Sim3d(0.6, ExpSO3({0.3, -0.6, 0.2}), {0.3, -1.2, 0.8}); }
+  KeyFrameId Second(size_t view) const { return passes.second.views[view].data->id; }
+  OtherMap FirstAsOther() const { return {&first, &words}; }
+
+  TwoPasses passes;
+  Map first, second;
+  KeyFrameIndex words;  // of the first
+};
+
+}  // namespace portolan

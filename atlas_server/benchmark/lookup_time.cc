@@ -1,0 +1,147 @@
+// portolan_lookup_time: how long the atlas_server takes to look a keyframe up in many dormant maps, made by the synthetic
+// builder: streets with houses, whose keyframes lie in a store as those of dormant maps do.
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <filesystem>
+
+#include "atlas/map_shelf.h"
+#include "atlas/map_store.h"
+#include "base/time.h"
+#include "testing/map_builder.h"
+
+namespace portolan {
+namespace {
+
+struct Arguments {
+  int maps = 20, keyframes = 200, queries = 60;
+  double memory_mb = 100;
+  std::string folder = "/tmp";
+};
+
+/// A lap in a street of its own; some 2000 features an image, as real ones have.
+SyntheticScene MakeStreet(int number, int views, uint32_t session) {
+  SyntheticSceneOptions options;
+  options.landmarks = LandmarkLayout::kStreet;
+  options.motion = CameraMotion::kStreetLap;
+  options.num_landmarks = 8000;
+  options.num_views = views;
+  options.travel = options.lap * 0.95;
+  options.sight = 12;
+  options.pixel_sigma_px = 0.5;
+  options.descriptor_flip_ratio = 0.03;
+  options.num_clutter = 1400;
+  options.seed = static_cast<uint64_t>(number + 1);
+  options.session = session;
+  return MakeSyntheticScene(options);
+}
+
+class Benchmark {
+ public:
+  Benchmark(const Arguments& arguments, std::shared_ptr<const Vocabulary> vocabulary, MapStore* store)
+      : arguments_(arguments), store_(*store), shelf_(Options(arguments), std::move(vocabulary), [store](KeyFrameId id) { return store->LoadKeyFrame(id); }) {}
+
+  Status Run() {
+    for (int number = 0; number < arguments_.maps; ++number) {
+      if (Status added = Add(MakeStreet(number, arguments_.keyframes, static_cast<uint32_t>(number + 1)), MapId(0, 1, static_cast<uint32_t>(number + 1)), true); !added)
+        return added;
+    }
+    fmt::print("{} maps, {} keyframes indexed, {:.0f} MB of descriptors in memory\n", arguments_.maps, shelf_.indexed_keyframes(), shelf_.appearance_mb());
+    // A place that no map has, and one that is in the first map.
+    Query("elsewhere", MakeStreet(1000, arguments_.queries, 1000), MapId(0, 1, 1000));
+    Query("revisit", MakeStreet(0, arguments_.queries, 1001), MapId(0, 1, 1001));
+    return Ok{};
+  }
+
+ private:
+  static ShelfOptions Options(const Arguments& arguments) {
+    ShelfOptions options;
+    options.memory_mb = arguments.memory_mb;
+    return options;
+  }
+
+  Status Add(const SyntheticScene& scene, MapId id, bool stored) {
+    MapBuilderOptions options;
+    options.map = id;
+    const Map map = BuildMap(scene, options);
+    std::vector<std::shared_ptr<const KeyFrameData>> data;
+    for (const auto& [keyframe_id, keyframe] : map.keyframes()) {
+      shelf_.AddKeyFrame(id, *keyframe.data);
+      data.push_back(keyframe.data);
+    }
+    Map published = map;
+    published.TakeDelta();
+    shelf_.replicas().AddDelta(published.Snapshot());
+    shelf_.ApplyPending();
+    if (shelf_.FindMap(id) == nullptr) return Error{"the map is none: " + shelf_.maps().at(id).last_problem()};
+    if (!stored) return Ok{};
+    if (Status saved = store_.SaveKeyFrames(data); !saved) return saved;
+    for (const auto& keyframe : data) shelf_.OnStored(keyframe->id);
+    shelf_.Trim();
+    return Ok{};
+  }
+
+  void Query(const char* name, const SyntheticScene& scene, MapId id) {
+    if (!Add(scene, id, false)) return;
+    std::vector<MapId> order;
+    for (int number = 0; number < arguments_.maps; ++number) order.emplace_back(0, 1, static_cast<uint32_t>(arguments_.maps - number));
+    OverlapDetector detector{OverlapOptions()};
+    StageTimes times;
+    int confirmed = 0, overlaps = 0, verified = 0;
+    const uint64_t loads = shelf_.loads();
+    const Map& map = *shelf_.FindMap(id);
+    for (const auto& [keyframe, state] : map.keyframes()) {
+      const Stopwatch stopwatch;
+      shelf_.BeginEvent();
+      const OverlapDetection detection = detector.Detect(map, keyframe, *shelf_.FindWords(keyframe), shelf_.Others(order), shelf_.Ensurer(), &times);
+      times.Add("lookup", stopwatch.Milliseconds());
+      shelf_.Trim();
+      confirmed += detection.confirmed ? 1 : 0;
+      overlaps += detection.overlap ? 1 : 0;
+      verified += detection.verified;
+    }
+    fmt::print("{}: {} keyframes, {} candidates verified, {} confirmed, {} overlaps, {} keyframes read from the store\n", name, map.keyframes().size(),
+               verified, confirmed, overlaps, shelf_.loads() - loads);
+    for (const auto& [stage, samples] : times.samples()) {
+      fmt::print("  {:18} {:5} x median {:6.2f} p95 {:6.2f} max {:6.2f} ms\n", stage, samples.size(), Quantile(samples, 0.5), Quantile(samples, 0.95),
+                 Quantile(samples, 1));
+    }
+    shelf_.Remove(id);
+  }
+
+  const Arguments& arguments_;
+  MapStore& store_;
+  MapShelf shelf_;
+};
+
+Status Run(const Arguments& arguments) {
+  const auto vocabulary = Vocabulary::Open(Vocabulary::DefaultPath());
+  if (!vocabulary) return vocabulary.error();
+  const std::string path = arguments.folder + "/lookup_time_" + std::to_string(DrawSession()) + ".db";
+  Status done = Ok{};
+  {
+    auto store = MapStore::Open(path);
+    if (!store) return store.error();
+    done = Benchmark(arguments, *vocabulary, store->get()).Run();
+  }
+  for (const char* suffix : {"", "-wal", "-shm"}) std::filesystem::remove(path + suffix);
+  return done;
+}
+
+}  // namespace
+}  // namespace portolan
+
+int main(int argc, char** argv) {
+  CLI::App app("Time of a lookup over many dormant maps", "portolan_lookup_time");
+  portolan::Arguments arguments;
+  app.add_option("--maps", arguments.maps, "dormant maps")->capture_default_str();
+  app.add_option("--keyframes", arguments.keyframes, "of each")->capture_default_str();
+  app.add_option("--queries", arguments.queries, "keyframes looked up, of each kind")->capture_default_str();
+  app.add_option("--memory-mb", arguments.memory_mb, "for descriptors (atlas.memory_mb)")->capture_default_str();
+  app.add_option("--folder", arguments.folder, "for the store, some 100 kB a keyframe; removed at the end")->capture_default_str();
+  CLI11_PARSE(app, argc, argv);
+  const portolan::Status status = portolan::Run(arguments);
+  if (!status) fmt::print(stderr, "portolan_lookup_time: {}\n", status.error().message);
+  return status.ok() ? 0 : 1;
+}

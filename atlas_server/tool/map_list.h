@@ -1,0 +1,46 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "atlas/map_graph.h"
+#include "base/ids.h"
+#include "base/result.h"
+#include "map/map_delta.h"
+
+namespace portolan {
+
+/// What the atlas_server answers to list_maps.
+struct MapList {
+  struct Entry {
+    MapId map;
+    RobotId robot = 0;  ///< whose tracker began it
+    Epoch epoch = 0;
+    ProcessId owner;
+    bool owner_alive = false;
+    Revision revision = 0;
+    size_t keyframes = 0, points = 0;
+  };
+  std::vector<Entry> maps;
+  MapId last;  ///< that changed; may be none
+
+  std::vector<MapId> Ids() const;
+  const Entry* Find(MapId map) const;
+};
+/// Fails on a text that is none; entries may lack what the atlas does not know yet.
+Result<MapList> ParseMapList(const std::string& json);
+/// As a table for people. @param atlas the atlas_server's process: maps that it owns are dormant.
+std::string FormatMapList(const MapList& list, ProcessId atlas);
+
+/// What the atlas_server answers to map_graph.
+struct DescribedGraph {
+  MapGraph graph;
+  std::map<MapId, MapLabel> labels;
+};
+Result<DescribedGraph> ParseMapGraph(const std::string& json);
+/// Maps, links and fusions in lines for people.
+std::string FormatMapGraph(const DescribedGraph& described);
+
+}  // namespace portolan

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <map>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "map/protocol.h"
+
+namespace portolan {
+
+/// What the processes of a deployment tell of themselves, with rates from what they told before; the first status of a
+/// process may be an old one that DDS kept, so rates begin with its third. Time is given in seconds of any steady clock.
+class StatusBook {
+ public:
+  void Hear(const ProcessStatus& status, double now_s);
+
+  /// How many processes were heard of, and of those how many often enough for rates.
+  size_t size() const { return entries_.size(); }
+  size_t num_with_rates() const;
+  /// The process of this role heard of last; null if none.
+  const ProcessStatus* Find(const std::string& role) const;
+
+  /// As a table, tracker first, robot by robot. Processes that have been silent for longer than kSilentS are marked.
+  std::string Format(double now_s) const;
+  /// [{process, role, robot, host, pid, vendor, build, priority, state, map, epoch, revision, silent_s, figures, rates}]
+  nlohmann::json ToJson(double now_s) const;
+
+  /// A process publishes its status each second.
+  static constexpr double kSilentS = 3.0;
+
+ private:
+  struct Entry {
+    ProcessStatus status;
+    double heard_s = 0;
+    std::map<std::string, double> rates;  // per second, of figures that rose since the status before
+    int heard = 0;  // statuses
+    bool has_rates() const { return heard > 2; }
+  };
+  std::vector<const Entry*> Sorted() const;
+
+  std::map<ProcessId, Entry> entries_;
+};
+
+}  // namespace portolan
