@@ -10,23 +10,38 @@ import launch_summary
 from launch_processes import EXIT_FAILURE, Supervisor, say
 
 
-def remove_old_reports(out, roles):
+def remove_old_reports(out, names):
     """What an earlier run into the same folder left must not be taken for this run's."""
-    for role in roles:
-        (out / f"{role}.json").unlink(missing_ok=True)
-        for log in (out / "logs").glob(f"{role}*"):
+    for name in names:
+        (out / f"{name}.json").unlink(missing_ok=True)
+        folder, _, role = name.rpartition("/")
+        for log in (out / folder / "logs").glob(f"{role}*"):
             log.unlink()
+        (out / folder / "summary.json").unlink(missing_ok=True)
     (out / "summary.json").unlink(missing_ok=True)
 
 
-def write_summary(options, arguments, supervisor, duration_s):
-    reports, problems = launch_summary.read_reports(options.out, list(supervisor.commands))
+def summarize(options, supervisor, folder="", data=None):
+    """The figures of OUT, or of one robot's folder in it, merged and written into its summary.json."""
+    names = [name for name in supervisor.commands if name.rpartition("/")[0] == folder]
+    reports, problems = launch_summary.read_reports(options.out / folder, [name.rpartition("/")[2] for name in names])
     for problem in problems:
         say(problem)
     summary = launch_summary.merge(reports)
-    summary["exit_codes"] = supervisor.codes
+    summary["exit_codes"] = {name.rpartition("/")[2]: supervisor.codes[name] for name in names if name in supervisor.codes}
+    summary["data"] = data
+    return summary
+
+
+def write_summary(options, arguments, supervisor, duration_s):
+    folders = launch_arguments.robot_folders(options)
+    summary = summarize(options, supervisor, data=options.data[0] if options.data and not folders else None)
+    if folders:
+        robots = {folder: summarize(options, supervisor, folder, data) for folder, data in zip(folders, options.data)}
+        summary = launch_summary.merge_robots(summary, robots)
+        for folder, robot in robots.items():
+            launch_summary.write_json(options.out / folder / "summary.json", robot)
     summary["command"] = shlex.join(["run.sh", *arguments])
-    summary["data"] = options.data
     summary["speed"] = options.speed
     summary["domain"] = options.domain
     summary["duration_s"] = round(duration_s, 3)
@@ -36,11 +51,11 @@ def write_summary(options, arguments, supervisor, duration_s):
 
 def main(arguments):
     options = launch_arguments.parse(arguments)
-    commands = {role.role: launch_arguments.command_of(role, options) for role in options.roles}
+    commands, delays = launch_arguments.commands_of(options)
     remove_old_reports(options.out, commands)
     domain = "the configuration's domain" if options.domain is None else f"domain {options.domain}"
     say(f"{', '.join(commands)} on {domain}; logs in {options.out / 'logs'}")
-    supervisor = Supervisor(commands, options.out)
+    supervisor = Supervisor(commands, options.out, delays)
     started = time.monotonic()
     code = supervisor.run()
     try:
@@ -48,7 +63,7 @@ def main(arguments):
     except OSError as error:
         say(f"{options.out / 'summary.json'}: {error.strerror}")
         return code or EXIT_FAILURE
-    if options.data is not None:
+    if options.data:
         say(launch_summary.describe(summary))
     say(f"results in {options.out}")
     return code

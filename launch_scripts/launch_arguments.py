@@ -19,6 +19,7 @@ ROLES = (
     Role("frontend", "frontend_tracker", "portolan_frontend_tracker"),
 )
 FRONTEND = "frontend_tracker"
+ATLAS = "atlas_server"
 VENDORS = ("fastdds", "cyclonedds")
 LOG_LEVELS = ("trace", "debug", "info", "warn", "error", "off")
 EXIT_USAGE = 2
@@ -28,6 +29,10 @@ FIRST_PORT, PORTS_PER_DOMAIN, MAX_DERIVED_DOMAIN = 7400, 250, 101
 # Highest domain both vendors take.
 MAX_DOMAIN = 230
 MAX_ROBOT = 65535
+# On one machine, and in one atlas's tests so far.
+MAX_ROBOTS = 16
+# DDS partition of robots that share an atlas_server.
+FLEET = "fleet"
 
 HERE = pathlib.Path(__file__).resolve().parent
 # In an installed tree the scripts are in share/portolan/launch_scripts; in the repository the programs are in install/bin.
@@ -41,7 +46,8 @@ def make_parser():
         epilog="Exit code: 0 done, 2 bad arguments or input, 130 interrupted, else the first process's that failed. "
                "Ctrl-C ends the run in order; a second one kills.")
     add = parser.add_argument
-    add("--data", help="data set folder (KITTI, TUM, EuRoC, images), video file, /dev/videoN, or 'topic' for the DDS image topic")
+    add("--data", action="append", default=[],
+        help="data set folder (KITTI, TUM, EuRoC, images), video file, /dev/videoN, or 'topic' for the DDS image topic; with --robots once for each")
     add("--camera", metavar="FILE", help="calibration (default: found in the data set)")
     add("--out", required=True, metavar="DIR", help="where results go")
     add("--speed", default="1", help="1 (real time, default), another factor, max, or lockstep")
@@ -51,7 +57,10 @@ def make_parser():
     add("--config", metavar="FILE", help="YAML configuration of all processes")
     add("--set", action="append", default=[], metavar="KEY=VALUE", help="overrides one value of the configuration; may be given again")
     add("--roles", default=",".join(role.option for role in ROLES), help="which processes to start here (default: %(default)s)")
-    add("--robot", type=int, help="number of the robot")
+    add("--robot", type=int, help="number of the robot, or of the first one")
+    add("--robots", type=int, default=1, metavar="N", help="so many robots with one atlas_server; results of each in OUT/robot_NUMBER")
+    add("--start-offset", type=float, default=0.0, metavar="S", help="seconds between the starts of two robots (default: 0)")
+    add("--atlas", metavar="FILE", help="go on with a saved atlas (an atlas.db of an earlier run)")
     add("--domain", type=int, help="DDS domain (default: a free one if all four start here, else the configuration's)")
     add("--peers", metavar="A,B", help="addresses of the other machines, where multicast does not reach")
     add("--log-level", choices=LOG_LEVELS)
@@ -86,6 +95,24 @@ def check_data(data):
 def check_file(option, path):
     if path is not None and not (os.path.isfile(path) and os.access(path, os.R_OK)):
         fail(f"{option} {path}: no such file, or it can't be read")
+
+
+def check_robots(options):
+    """One --data for each robot whose frontend starts here."""
+    check_range("--robots", options.robots, 1, MAX_ROBOTS)
+    if options.robots > 1 and len(options.roles) < len(ROLES):
+        fail("--robots: needs all roles on this machine; elsewhere start each robot with its --robot and a common dds.partition")
+    if not (math.isfinite(options.start_offset) and options.start_offset >= 0):
+        fail(f"--start-offset {options.start_offset}: expected seconds, 0 or more")
+    check_range("--robot", options.robot, 0, MAX_ROBOT)
+    check_range("the last robot's number", (options.robot or 0) + options.robots - 1, 0, MAX_ROBOT)
+    if any(role.role == FRONTEND for role in options.roles):
+        if not options.data:
+            fail("--data is needed by the frontend")
+        if len(options.data) != options.robots:
+            fail(f"--data: given {len(options.data)} times for {options.robots} robot{'s' if options.robots > 1 else ''}")
+    for data in options.data:
+        check_data(data)
 
 
 def check_range(option, value, low, high):
@@ -146,46 +173,74 @@ def parse(arguments):
     options = make_parser().parse_args(arguments)
     options.roles = choose_roles(options.roles)
     options.peers = [peer.strip() for peer in (options.peers or "").split(",") if peer.strip()]
-    if any(role.role == FRONTEND for role in options.roles):
-        if options.data is None:
-            fail("--data is needed by the frontend")
-        check_data(options.data)
+    check_robots(options)
     check_file("--camera", options.camera)
     check_file("--config", options.config)
+    check_file("--atlas", options.atlas)
     if not is_speed(options.speed):
         fail(f"--speed {options.speed}: expected a factor above 0, max or lockstep")
     for assignment in options.set:
         if assignment.find("=") < 1:
             fail(f"--set {assignment}: expected key=value")
-    check_range("--robot", options.robot, 0, MAX_ROBOT)
     check_range("--domain", options.domain, 0, MAX_DOMAIN)
     options.bin = find_programs(options)
     options.out = pathlib.Path(options.out).absolute()
-    make_out(options.out)
+    for folder in ["", *robot_folders(options)]:
+        make_out(options.out / folder)
     if options.domain is None and len(options.roles) == len(ROLES):
         options.domain = derive_domain(os.getpid())
     return options
 
 
-def command_of(role, options):
+def robot_folders(options):
+    """{folder below OUT: number of its robot}, in the order of their start; empty for a single robot, which has OUT for itself."""
+    if options.robots == 1:
+        return {}
+    first = options.robot or 0
+    return {f"robot_{number}": number for number in range(first, first + options.robots)}
+
+
+def command_of(role, options, folder="", robot=None, data=None):
     """The command line of one process."""
-    command = [str(options.bin / role.program), "--out", str(options.out)]
+    command = [str(options.bin / role.program), "--out", str(options.out / folder)]
 
     def add(option, value):
         if value is not None:
             command.extend([option, str(value)])
 
     add("--config", options.config)
+    if options.robots > 1:
+        add("--set", f"dds.partition={FLEET}")  # --set of the user's own comes after it
     for assignment in options.set:
         add("--set", assignment)
     if options.peers:
         add("--set", f"dds.peers=[{', '.join(options.peers)}]")
-    add("--robot", options.robot)
+    add("--robot", robot)
     add("--domain", options.domain)
     add("--dds", getattr(options, f"dds_{role.option}") or options.dds)
     add("--log-level", options.log_level)
+    if role.role == ATLAS:
+        add("--store", None if options.atlas is None else os.path.abspath(options.atlas))
     if role.role == FRONTEND:
-        add("--data", options.data)
+        add("--data", data)
         add("--camera", options.camera)
         add("--speed", options.speed)
     return command
+
+
+def commands_of(options):
+    """({name: command line} in the order of their start, {name: seconds until its start}). Names: see launch_processes.Process."""
+    folders = robot_folders(options)
+    if not folders:
+        data = options.data[0] if options.data else None
+        return {role.role: command_of(role, options, robot=options.robot, data=data) for role in options.roles}, {}
+    commands, delays = {}, {}
+    for index, (folder, number) in enumerate(folders.items()):
+        for role in options.roles:
+            if role.role == ATLAS:
+                commands[ATLAS] = commands.get(ATLAS) or command_of(role, options, robot=number)
+                continue
+            name = f"{folder}/{role.role}"
+            commands[name] = command_of(role, options, folder, number, options.data[index])
+            delays[name] = index * options.start_offset
+    return commands, delays

@@ -32,14 +32,15 @@ def shell_code(code):
 
 
 class Process:
-    """One running process and how far its ending has gone."""
+    """One running process and how far its ending has gone. `name`: its role, or FOLDER/ROLE with a folder below OUT for its log."""
 
-    def __init__(self, role, command, out):
-        self.role = role
-        self.output_path = out / "logs" / f"{role}.out"
+    def __init__(self, name, command, out):
+        self.name = name
+        folder, _, self.role = name.rpartition("/")
+        self.output_path = out / folder / "logs" / f"{self.role}.out"
         with open(self.output_path, "wb") as output:
             # The frontend's progress goes to the terminal; whatever else is said, to the log folder.
-            stdout = None if role == FRONTEND else output
+            stdout = None if self.role == FRONTEND else output
             self.child = subprocess.Popen([*END_WITH_LAUNCHER, *command], stdin=subprocess.DEVNULL, stdout=stdout, stderr=output,
                                           process_group=0)
         self.code = None
@@ -72,7 +73,7 @@ class Process:
         """The next harder signal when its time is over."""
         if self.deadline is None or self.code is not None or now < self.deadline:
             return
-        say(f"{self.role} did not end within {ENDING[self.stage][1]:.0f} s: {ENDING[self.stage + 1][0].name}")
+        say(f"{self.name} did not end within {ENDING[self.stage][1]:.0f} s: {ENDING[self.stage + 1][0].name}")
         self._tell(self.stage + 1)
 
     def last_lines(self):
@@ -87,27 +88,32 @@ class Process:
 
 
 class Supervisor:
-    """A run from its first process to its last. When the frontend has ended, or a signal came and there is no frontend, the others are ended.
+    """A run from its first process to its last. When the last frontend has ended, or a signal came and there is no frontend, the others are ended.
 
     A back end that fails is reported at once, and the run goes on: the others are made to survive it.
     """
 
-    def __init__(self, commands, out):
-        """commands: {role: command line}, in the order of their start."""
+    def __init__(self, commands, out, delays=None):
+        """commands: {name: command line}, in the order of their start; delays: {name: seconds until its start}, 0 for those that it lacks."""
         self.commands = commands
         self.out = out
+        self.delays = delays or {}
         self.processes = {}
+        self.waiting = {}   # {name: when to start it}, in the order of their start
         self.num_signals = 0
-        self.failures = []  # (role, shell's code), in order
+        self.failures = []  # (name, shell's code), in order
         self.codes = {}     # Popen's return codes
 
     def run(self):
         """Returns the exit code of the run."""
         wakeup, old_handlers = self._catch_signals()
+        now = time.monotonic()
+        self.waiting = {name: now + self.delays.get(name, 0.0) for name in self.commands}
         try:
-            self._start_all()
-            while self._running():
+            self._start_due()
+            while self._running() or self.waiting:
                 self._wait(wakeup)
+                self._start_due()
         finally:
             for process in self._running():  # only after an exception
                 process.kill()
@@ -125,21 +131,23 @@ class Supervisor:
         numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGCHLD)
         return reader, {number: signal.signal(number, lambda *_: None) for number in numbers}
 
-    def _start_all(self):
-        for role, command in self.commands.items():
+    def _start_due(self):
+        for name in [name for name, start in self.waiting.items() if start <= time.monotonic()]:
+            if name not in self.waiting:
+                return  # the run was ended
+            del self.waiting[name]
             try:
-                self.processes[role] = Process(role, command, self.out)
+                self.processes[name] = Process(name, self.commands[name], self.out)
             except OSError as error:
-                say(f"{role} can't be started: {error}")
-                self.failures.append((role, EXIT_FAILURE))
+                say(f"{name} can't be started: {error}")
+                self.failures.append((name, EXIT_FAILURE))
                 self._end_all()
-                return
 
     def _running(self):
         return [process for process in self.processes.values() if process.code is None]
 
     def _wait(self, wakeup):
-        deadlines = [process.deadline for process in self._running() if process.deadline is not None]
+        deadlines = [process.deadline for process in self._running() if process.deadline is not None] + list(self.waiting.values())
         timeout = max(0.0, min(deadlines) - time.monotonic()) if deadlines else None
         if select.select([wakeup], [], [], timeout)[0]:
             for number in os.read(wakeup, 4096):
@@ -153,34 +161,43 @@ class Supervisor:
 
     def _on_signal(self, number):
         self.num_signals += 1
+        frontends = [process for process in self._running() if process.role == FRONTEND]
+        self.waiting.clear()
         if self.num_signals > 1:
             say("killing all processes")
             for process in self._running():
                 process.kill()
-        elif FRONTEND in self.processes and self.processes[FRONTEND].code is None:
+        elif frontends:
             say(f"{number.name}: ending the run; once more kills it")
-            self.processes[FRONTEND].end(number)
+            for process in frontends:
+                process.end(number)
         else:
             self._end_all()
 
+    def _has_frontends(self):
+        names = [*self.waiting, *(process.name for process in self._running())]
+        return any(name.rpartition("/")[2] == FRONTEND for name in names)
+
     def _end_all(self):
+        self.waiting.clear()
         for process in self._running():
             process.end()
 
     def _on_ended(self, process):
-        self.codes[process.role] = process.code
+        self.codes[process.name] = process.code
         expected = process.stage >= 0 or process.role == FRONTEND
         if process.code != 0:
-            self.failures.append((process.role, shell_code(process.code)))
+            self.failures.append((process.name, shell_code(process.code)))
             interrupted = self.num_signals > 0 and process.role == FRONTEND and shell_code(process.code) == 130
             if not interrupted:
-                say(f"{process.role} failed ({describe_code(process.code)}); its last words, from {process.output_path}:\n"
+                say(f"{process.name} failed ({describe_code(process.code)}); its last words, from {process.output_path}:\n"
                     f"{process.last_lines()}")
         elif not expected:
-            say(f"{process.role} ended by itself; the run goes on")
-        if process.role == FRONTEND:
+            say(f"{process.name} ended by itself; the run goes on")
+        if process.role == FRONTEND and not self._has_frontends():  # another robot may go on in a map of this one's mapper
             self._end_all()
 
     def _exit_code(self):
-        """The frontend's if that is not 0, else the first failure's."""
-        return dict(self.failures).get(FRONTEND) or (self.failures[0][1] if self.failures else 0)
+        """The first frontend's that is not 0, else the first failure's."""
+        of_frontends = [code for name, code in self.failures if name.rpartition("/")[2] == FRONTEND]
+        return next((code for code in [*of_frontends, *(code for _, code in self.failures)]), 0)

@@ -1,6 +1,6 @@
 """Stands for one of Portolan's programs in test_launch.py. What it does is in PORTOLAN_STUB: JSON {role: behaviour}, with the keys
 wait: "signal" (SIGINT or SIGTERM), "up" (until so many others said that they are up: `others`) or "file" (`path`, a FIFO to read from);
-announce: say in the FIFO PORTOLAN_STUB_UP that it is up; ignore: signals to ignore; code: exit code (default 0); say: a line for
+announce: so many bytes (true: one) into the FIFO PORTOLAN_STUB_UP, to say that it is up; ignore: signals to ignore; code: exit code (default 0); say: a line for
 stderr; report: JSON object to leave in OUT (none: no file)."""
 
 import json
@@ -13,7 +13,7 @@ import sys
 def wait_for(behaviour, up):
     if behaviour.get("announce"):
         with open(up, "w") as fifo:  # blocks until somebody reads
-            fifo.write("u")
+            fifo.write("u" * behaviour["announce"])
     kind = behaviour.get("wait")
     if kind == "signal":
         ignored = {signal.Signals[name] for name in behaviour.get("ignore", [])}

@@ -46,6 +46,21 @@ def merge(reports):
     return summary
 
 
+def merge_robots(atlas, robots):
+    """Several robots' summaries and the atlas_server's into one: {folder: summary} under "robots"; of each process, by FOLDER/ROLE, time, memory
+    and how it ended; frames of all robots together."""
+    summary = {key: None for key in FRONTEND_KEYS + LOOP_KEYS}
+    summary.update({key: sum(robot[key] or 0 for robot in robots.values()) for key in ("frames", "tracked", "dropped")})
+    for key in (*PROCESS_KEYS, "exit_codes"):
+        summary[key] = {**atlas[key], **{f"{folder}/{role}": value for folder, robot in robots.items() for role, value in robot[key].items()}}
+    summary["bytes_sent"] = {}
+    for part in (atlas, *robots.values()):
+        for topic, count in part["bytes_sent"].items():
+            summary["bytes_sent"][topic] = summary["bytes_sent"].get(topic, 0) + count
+    summary["robots"] = robots
+    return summary
+
+
 def write_json(path, value):
     """Under another name first, then renamed: never half a file, and nothing left over when the disk is full."""
     partial = path.with_name(path.name + ".partial")
@@ -62,7 +77,9 @@ def write_json(path, value):
 
 
 def describe(summary):
-    """The run in two lines."""
+    """The run in two lines, or so many for each robot."""
+    if "robots" in summary:
+        return "\n".join(f"{folder}: {describe(robot)}" for folder, robot in summary["robots"].items())
     if summary["frames"] is None:
         return "no figures of the frontend"
     text = (f"{summary['tracked']} of {summary['frames']} frames tracked, {summary['dropped']} dropped, {summary['maps']} maps, "

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 from unittest import mock
 
@@ -234,6 +235,92 @@ class SignalTest(RunTest):
         self.assertIn("loop_closer did not end within 0 s: SIGKILL", [call.args[0] for call in say.call_args_list])
 
 
+class RobotsTest(RunTest):
+    def setUp(self):
+        super().setUp()
+        self.other_data = self.folder / "other_data"
+        self.other_data.mkdir()
+        # Six bytes of five back ends, three for each frontend: when both end, all are up.
+        self.behaviour["atlas_server"]["announce"] = 2
+        self.behaviour["frontend_tracker"]["others"] = 3
+        # Held open, so that what was said stays in it from one frontend's end to the other's start.
+        self.addCleanup(os.close, os.open(self.up, os.O_RDWR))
+
+    def run_two(self, *arguments):
+        return self.run_to_end("--robots", "2", "--data", str(self.other_data), *arguments)
+
+    def arguments_in(self, folder, role):
+        return json.loads((self.out / folder / f"{role}.arguments").read_text())
+
+    def test_two_robots_share_one_atlas_server(self):
+        code, errors = self.run_two("--set", "dds.partition=mine", "--domain", "17")
+        self.assertEqual(code, 0, errors)
+        roles_of_robots = ["backend_mapper", "loop_closer", "frontend_tracker"] * 2
+        self.assertEqual(sorted(path.stem for path in self.out.glob("**/*.arguments")), sorted(["atlas_server", *roles_of_robots]))
+        for number, data in ((0, self.other_data), (1, self.data)):
+            arguments = self.arguments_in(f"robot_{number}", "frontend_tracker")
+            self.assertEqual(arguments, ["--out", str(self.out / f"robot_{number}"), "--set", "dds.partition=fleet", "--set", "dds.partition=mine",
+                                         "--robot", str(number), "--domain", "17", "--data", str(data), "--speed", "1"])
+            self.assertEqual(self.arguments_in(f"robot_{number}", "backend_mapper")[-4:], ["--robot", str(number), "--domain", "17"])
+
+    def test_figures_are_given_for_each_robot_and_together(self):
+        code, errors = self.run_two("--robot", "5")
+        self.assertEqual(code, 0, errors)
+        summary = self.summary()
+        self.assertEqual(set(summary["robots"]), {"robot_5", "robot_6"})
+        self.assertEqual((summary["frames"], summary["tracked"]), (20, 18))
+        back_ends = {f"robot_{number}/{role}" for number in (5, 6) for role in ("backend_mapper", "loop_closer", "frontend_tracker")}
+        for key in ("cpu_s", "peak_memory_mb", "exit_codes"):
+            self.assertEqual(set(summary[key]), {"atlas_server", *back_ends})
+        self.assertEqual(summary["bytes_sent"]["keyframe"], 14)
+        robot = json.loads((self.out / "robot_6" / "summary.json").read_text())
+        self.assertEqual((robot["frames"], robot["data"]), (10, str(self.data)))
+        self.assertIn("robot_5: 9 of 10 frames tracked", errors)
+
+    def test_the_second_robot_starts_later(self):
+        for folder in ("", "robot_0", "robot_1"):
+            (self.out / folder / "logs").mkdir(parents=True)
+        names = ["atlas_server", "robot_0/frontend_tracker", "robot_1/frontend_tracker"]
+        supervisor = launch_processes.Supervisor({name: [sys.executable, "-c", ""] for name in names}, self.out, {names[2]: 0.3})
+        started = []
+
+        def start(name, command, out, process=launch_processes.Process):
+            started.append((name, time.monotonic()))
+            return process(name, command, out)
+
+        with mock.patch.object(launch_processes, "Process", start), mock.patch.object(launch_processes, "say"):
+            self.assertEqual(supervisor.run(), 0)
+        self.assertEqual([name for name, _ in started], names)
+        self.assertGreaterEqual(started[2][1] - started[1][1], 0.25)
+
+    def test_interrupt_before_the_second_robots_start(self):
+        self.behaviour["frontend_tracker"] = {"announce": True, "wait": "signal", "code": 130, "report": FRONTEND_REPORT}
+        process = self.start("--robots", "2", "--data", str(self.other_data), "--start-offset", "600")
+        self.wait_until_up(5)
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=TIMEOUT_S)
+        self.assertEqual(process.returncode, 130)
+        self.assertFalse((self.out / "robot_1" / "frontend_tracker.arguments").exists())
+
+    def test_a_robot_that_fails_leaves_the_other_and_its_code(self):
+        self.behaviour["frontend_tracker"].update(code=2, say="no camera")
+        code, errors = self.run_two()
+        self.assertEqual(code, 2)
+        self.assertIn("robot_0/frontend_tracker failed (code 2)", errors)
+        self.assertIn("robot_1/frontend_tracker failed (code 2)", errors)
+
+
+class AtlasTest(RunTest):
+    def test_saved_atlas_goes_to_the_atlas_server_alone(self):
+        saved = self.folder / "atlas.db"
+        saved.write_text("")
+        code, errors = self.run_to_end("--atlas", str(saved), "--domain", "17")
+        self.assertEqual(code, 0, errors)
+        self.assertEqual(self.arguments_of("atlas_server")[-2:], ["--store", str(saved)])
+        for role in ("backend_mapper", "loop_closer", "frontend_tracker"):
+            self.assertNotIn("--store", self.arguments_of(role))
+
+
 class ArgumentTest(RunTest):
     def assert_refused(self, text, *arguments, data=True):
         code, errors = self.run_to_end(*arguments, data=data)
@@ -257,6 +344,14 @@ class ArgumentTest(RunTest):
         self.assert_refused("none given", "--roles", ",")
         self.assert_refused("--domain 231", "--domain", "231")
         self.assert_refused("--robot -1", "--robot", "-1")
+        self.assert_refused("--atlas", "--atlas", str(self.folder / "none.db"))
+        self.assert_refused("given 1 times for 2 robots", "--robots", "2")
+        self.assert_refused("given 2 times for 1 robot", "--data", str(self.data))
+        self.assert_refused("--robots 0", "--robots", "0")
+        self.assert_refused("--robots: needs all roles", "--robots", "2", "--roles", "frontend")
+        self.assert_refused("--start-offset -1.0", "--start-offset", "-1")
+        self.assert_refused("--start-offset nan", "--start-offset", "nan")
+        self.assert_refused("the last robot's number 65536", "--robots", "2", "--robot", "65535", "--data", str(self.data))
         self.assert_refused("run launch_scripts/build.sh", "--bin", str(self.data))
 
     def test_out_that_cannot_be_made_is_refused(self):

@@ -52,7 +52,7 @@ Reply AtlasProcess::ListMaps() const {
   }
   Reply reply;
   reply.ok = true;
-  reply.text = nlohmann::json{{"maps", list}}.dump();
+  reply.text = nlohmann::json{{"maps", list}, {"last", ToString(last_map_)}}.dump();
   return reply;
 }
 

@@ -47,8 +47,7 @@ Result<MapId> ChooseActive(ToolSession* session, const std::string& robot) {
   if (!list) return list.error();
   std::vector<MapId> active;
   for (const MapList::Entry& entry : list->maps) {
-    const bool is_active = entry.owner_alive && entry.owner != session->atlas();
-    if (is_active && (robot.empty() || std::to_string(entry.robot) == robot)) active.push_back(entry.map);
+    if (entry.is_active && (robot.empty() || std::to_string(entry.robot) == robot)) active.push_back(entry.map);
   }
   if (active.size() == 1) return active[0];
   return session->Fail(kExitBadInput, active.empty() ? "no map is active: name one" : std::to_string(active.size()) + " maps are active: name one");
@@ -83,7 +82,7 @@ Status ShowMaps(ToolSession* session, const ToolArguments& arguments) {
   const Result<MapList> list = ParseMapList(reply->text);
   if (!list) return list.error();
   if (!arguments.names) {
-    Print(FormatMapList(*list, session->atlas()));
+    Print(FormatMapList(*list));
     return Ok{};
   }
   for (const MapId map : list->Ids()) Print(ToString(map) + "\n");

@@ -60,7 +60,6 @@ Result<Reply> ToolSession::Ask(const std::string& kind, MapId map, MapId other, 
     HandleNext(std::min(is_matched ? next_try_s : Now() + kMatchPauseS, deadline_s));
   }
   if (!reply_) return Fail(kExitUnreachable, "no atlas_server answered within " + std::to_string(static_cast<int>(timeout_s_)) + " s");
-  atlas_ = reply_->sender;
   if (!reply_->ok) return Fail(kExitRefused, reply_->reason);
   return *reply_;
 }

@@ -42,8 +42,6 @@ class ToolSession {
   Error Fail(ExitCode code, std::string message);
   /// Of the last failure noted; kExitFailure if none was.
   int exit_code() const { return exit_code_; }
-  /// The atlas_server that answered last.
-  ProcessId atlas() const { return atlas_; }
   double timeout_s() const { return timeout_s_; }
   static double Now() { return std::chrono::duration<double>(Clock::now().time_since_epoch()).count(); }
 
@@ -58,7 +56,6 @@ class ToolSession {
   ProcessId self_;
   double timeout_s_;
   int exit_code_ = kExitFailure;
-  ProcessId atlas_;
   StatusBook book_;
   Inbox inbox_;
   IdMinter<RequestId> ids_;

@@ -59,6 +59,7 @@ void ReadMapList(const json& text, MapList* list) {
     entry.epoch = map.value("epoch", Epoch{0});
     entry.owner = ReadId<ProcessId>(map, "owner", false);
     entry.owner_alive = map.value("owner_alive", false);
+    entry.is_active = map.value("active", false);
     entry.revision = map.value("revision", Revision{0});
     entry.keyframes = map.value("keyframes", size_t{0});
     entry.points = map.value("points", size_t{0});
@@ -132,14 +133,14 @@ const MapList::Entry* MapList::Find(MapId map) const {
 
 Result<MapList> ParseMapList(const std::string& json) { return Parse<MapList>(json, "list of maps", ReadMapList); }
 
-std::string FormatMapList(const MapList& list, ProcessId atlas) {
+std::string FormatMapList(const MapList& list) {
   if (list.maps.empty()) return "no map\n";
   TextColumns table({"map", "robot", "keyframes", "points", "revision", "epoch", "state"});
   for (const MapList::Entry& entry : list.maps) {
-    const std::string state = entry.epoch == 0         ? "waits for a mapper"
-                              : entry.owner == atlas   ? "dormant"
-                              : !entry.owner_alive     ? "dormant, its mapper is gone"
-                                                       : "active, owner " + ToString(entry.owner);
+    const std::string state = entry.epoch == 0      ? "waits for a mapper"
+                              : !entry.is_active    ? "dormant"
+                              : !entry.owner_alive  ? "active, its mapper is gone"
+                                                    : "active, owner " + ToString(entry.owner);
     table.Add({ToString(entry.map) + (entry.map == list.last ? " *" : ""), std::to_string(entry.robot), std::to_string(entry.keyframes),
                std::to_string(entry.points), std::to_string(entry.revision), std::to_string(entry.epoch), state});
   }

@@ -20,6 +20,7 @@ struct MapList {
     Epoch epoch = 0;
     ProcessId owner;
     bool owner_alive = false;
+    bool is_active = false;  ///< a tracker is in it
     Revision revision = 0;
     size_t keyframes = 0, points = 0;
   };
@@ -31,8 +32,8 @@ struct MapList {
 };
 /// Fails on a text that is none; entries may lack what the atlas does not know yet.
 Result<MapList> ParseMapList(const std::string& json);
-/// As a table for people. @param atlas the atlas_server's process: maps that it owns are dormant.
-std::string FormatMapList(const MapList& list, ProcessId atlas);
+/// As a table for people.
+std::string FormatMapList(const MapList& list);
 
 /// What the atlas_server answers to map_graph.
 struct DescribedGraph {

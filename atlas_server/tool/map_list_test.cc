@@ -9,9 +9,9 @@ namespace {
 using ::testing::HasSubstr;
 
 const char* const kList = R"({"maps": [
-  {"map": "0.000001.1", "robot": 0, "epoch": 2, "owner": "0.00000a.1", "owner_alive": true, "revision": 30, "keyframes": 12, "points": 345},
+  {"map": "0.000001.1", "robot": 0, "epoch": 2, "owner": "0.00000a.1", "owner_alive": true, "active": true, "revision": 30, "keyframes": 12, "points": 345},
   {"map": "1.000002.1", "robot": 1, "epoch": 5, "owner": "0.0000ff.1", "owner_alive": true, "keyframes": 7, "points": 8},
-  {"map": "1.000002.2", "robot": 1, "epoch": 1, "owner": "1.00000b.1", "owner_alive": false},
+  {"map": "1.000002.2", "robot": 1, "epoch": 1, "owner": "1.00000b.1", "owner_alive": false, "active": true},
   {"map": "1.000002.3", "robot": 1, "epoch": 0, "owner": "none"}], "last": "0.000001.1"})";
 
 TEST(MapListTest, ReadsTheAtlasServersAnswer) {
@@ -22,6 +22,7 @@ TEST(MapListTest, ReadsTheAtlasServersAnswer) {
   ASSERT_NE(first, nullptr);
   EXPECT_EQ(first->owner, ProcessId(0, 10, 1));
   EXPECT_TRUE(first->owner_alive);
+  EXPECT_TRUE(first->is_active);
   EXPECT_EQ(first->revision, 30u);
   EXPECT_EQ(first->keyframes, 12u);
   EXPECT_EQ(first->points, 345u);
@@ -30,13 +31,13 @@ TEST(MapListTest, ReadsTheAtlasServersAnswer) {
 }
 
 TEST(MapListTest, TellsTheStateOfEachMap) {
-  const std::string text = FormatMapList(*ParseMapList(kList), ProcessId(0, 0xff, 1));
+  const std::string text = FormatMapList(*ParseMapList(kList));
   EXPECT_THAT(text, HasSubstr("0.000001.1 *"));
   EXPECT_THAT(text, HasSubstr("active, owner 0.00000a.1\n"));
   EXPECT_THAT(text, HasSubstr("dormant\n"));
-  EXPECT_THAT(text, HasSubstr("dormant, its mapper is gone\n"));
+  EXPECT_THAT(text, HasSubstr("active, its mapper is gone\n"));
   EXPECT_THAT(text, HasSubstr("waits for a mapper\n"));
-  EXPECT_EQ(FormatMapList(MapList(), ProcessId()), "no map\n");
+  EXPECT_EQ(FormatMapList(MapList()), "no map\n");
 }
 
 TEST(MapListTest, RefusesWhatIsNoList) {

@@ -6,6 +6,8 @@ go to run.sh, as --dds-mapper cyclonedds. Every run's results stay in the output
 
   test/benchmark/benchmark.py                                                  all of ../shared/data
   test/benchmark/benchmark.py --sequences blackout --frames 0-246 --runs 1
+  test/benchmark/benchmark.py --atlas                                          the runs of the atlas (atlas_runs.py), several robots among them
+  test/benchmark/benchmark.py --atlas kitchen_cut kitchen_halves --runs 1
 """
 
 import argparse
@@ -14,6 +16,8 @@ import pathlib
 import statistics
 import subprocess
 import sys
+
+import atlas_runs
 
 REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
 # Where each layout has its ground truth: TUM, KITTI, EuRoC.
@@ -107,6 +111,30 @@ def choose_sequences(options):
     return chosen
 
 
+def print_head(columns):
+    print("| " + " | ".join(columns) + " |\n" + "|" + " --- |" * len(columns), flush=True)
+
+
+def measure_atlas(options, run_options):
+    """Prints the table of the atlas's runs. Returns whether one failed."""
+    runs = atlas_runs.choose(options.atlas)
+    folders = atlas_runs.prepare(runs, options.data, options.made)
+    options.launcher = REPOSITORY / "launch_scripts" / "run.sh"
+    print_head(atlas_runs.COLUMNS)
+    failed = False
+    for run in runs:
+        measured = []
+        for number in range(1, options.runs + 1):
+            try:
+                measured.append(atlas_runs.measure(run, folders, options.out / run.name / str(number), options, run_options, run_command))
+            except (subprocess.CalledProcessError, OSError, KeyError) as error:
+                print(f"{run.name}: {error}", file=sys.stderr)
+                measured.append({"failure": str(error)})
+        failed = failed or any("failure" in figures_of_run for figures_of_run in measured)
+        print(atlas_runs.row(run, measured), flush=True)
+    return failed
+
+
 def main(arguments):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False)
     parser.add_argument("--data", type=pathlib.Path, default=REPOSITORY.parent / "shared" / "data", help="folder of sequences (default: %(default)s)")
@@ -116,9 +144,14 @@ def main(arguments):
     parser.add_argument("--speed", default="1", help="see run.sh (default: real time)")
     parser.add_argument("--out", type=pathlib.Path, default=REPOSITORY / "runs" / "benchmark", help="default: %(default)s")
     parser.add_argument("--bin", type=pathlib.Path, default=REPOSITORY / "install" / "bin", help="default: %(default)s")
+    parser.add_argument("--atlas", nargs="*", metavar="RUN", help="the runs of the atlas, or these of them: " + ", ".join(run.name for run in atlas_runs.RUNS))
+    parser.add_argument("--made", type=pathlib.Path, default=pathlib.Path("/tmp/portolan_sequences"),
+                        help="folder for the sequences that --atlas makes out of others (default: %(default)s)")
     options, run_options = parser.parse_known_args(arguments)
+    if options.atlas is not None:
+        return 1 if measure_atlas(options, run_options) else 0
     sequences = choose_sequences(options)
-    print("| " + " | ".join(COLUMNS) + " |\n" + "|" + " --- |" * len(COLUMNS), flush=True)
+    print_head(COLUMNS)
     failed = False
     for sequence in sequences:
         runs = [measure_once(sequence, options.out / sequence.name / str(number), options, run_options) for number in range(1, options.runs + 1)]
