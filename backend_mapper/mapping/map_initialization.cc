@@ -100,10 +100,14 @@ void NormalizeScale(InitialStructure* structure) {
 
 Result<InitialStructure> ReconstructInitialStructure(const KeyFrameData& first, const KeyFrameData& second,
                                                      const FeaturePairs& matches,
-                                                     const InitializationOptions& options) {
+                                                     const InitializationOptions& options,
+                                                     const std::optional<Rigid3d>& known_second_from_first) {
   const auto pixels = GatherPixels(first, second, matches);
   if (!pixels.ok()) return pixels.error();
-  const auto views = ReconstructTwoViews(pixels.value(), first.camera, second.camera, options.two_view);
+  const auto views =
+      known_second_from_first
+          ? ReconstructByMotion(pixels.value(), first.camera, second.camera, *known_second_from_first, options.two_view)
+          : ReconstructTwoViews(pixels.value(), first.camera, second.camera, options.two_view);
   if (!views.ok()) return views.error();
 
   InitialStructure structure;

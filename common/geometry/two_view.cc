@@ -243,4 +243,18 @@ Result<TwoViewReconstruction> ReconstructTwoViews(const PixelMatches& matches, c
   return result;
 }
 
+Result<TwoViewReconstruction> ReconstructByMotion(const PixelMatches& matches, const PinholeCamera& first_camera,
+                                                  const PinholeCamera& second_camera, const Rigid3d& second_from_first,
+                                                  const TwoViewOptions& options) {
+  const double length = second_from_first.translation.norm();
+  if (!(length > 0)) return Refused("a known motion without translation");
+  TwoViewReconstruction result;
+  result.second_from_first = Rigid3d(second_from_first.rotation, second_from_first.translation / length);
+  const int agreeing = Triangulate(CalibratedMatches(matches, first_camera, second_camera, options), &result);
+  const int valid = static_cast<int>(std::count(result.valid.begin(), result.valid.end(), true));
+  if (valid >= options.min_points) return result;
+  return Refused("too little parallax in a known motion, ", valid, " of ", agreeing, " points have ", options.min_parallax_deg,
+                 " deg, need ", options.min_points);
+}
+
 }  // namespace portolan

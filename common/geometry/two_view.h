@@ -66,4 +66,10 @@ struct TwoViewReconstruction {
 Result<TwoViewReconstruction> ReconstructTwoViews(const PixelMatches& matches, const PinholeCamera& first_camera,
                                                   const PinholeCamera& second_camera, const TwoViewOptions& options);
 
+/// The same by a motion that is known, up to the length of its translation: points alone. Nothing is ambiguous then, and
+/// matches that don't fit are no sign of a wrong motion; only too few points with parallax are refused.
+Result<TwoViewReconstruction> ReconstructByMotion(const PixelMatches& matches, const PinholeCamera& first_camera,
+                                                  const PinholeCamera& second_camera, const Rigid3d& second_from_first,
+                                                  const TwoViewOptions& options);
+
 }  // namespace portolan

@@ -34,7 +34,8 @@ struct KeyFrameMessage {
   uint64_t vocabulary_hash = 0;
   MapId map;
   KeyFrameId reference;     ///< kTracked: the keyframe it shares most landmarks with; kInitialSecond: the first
-  Rigid3d camera_from_map;  ///< kTracked: pose; kInitialSecond: rotation alone, second_from_first as ESM estimated it
+  Rigid3d camera_from_map;  ///< kTracked: pose; kInitialSecond: second_from_first, rotation alone as ESM estimated it (translation 0), or
+                            ///< whole, in units of the map in which both are tracked
   std::vector<std::pair<uint32_t, MapPointId>> landmarks;        ///< kTracked: (feature, landmark), inliers of the final pose
   std::vector<std::pair<uint32_t, uint32_t>> initial_matches;    ///< kInitialSecond: (feature of reference, own feature)
 };

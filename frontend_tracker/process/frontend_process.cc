@@ -70,8 +70,7 @@ FrontendProcess::FrontendProcess(const ProcessSetup& setup, const FrontendOption
       keyframe_writer_(bus->CreateWriter<KeyFrameMessage>()),
       state_writer_(bus->CreateWriter<TrackerState>()),
       snapshot_writer_(bus->CreateWriter<SnapshotRequest>()),
-      request_writer_(bus->CreateWriter<Request>()),
-      request_ids_(setup.options.robot, setup.session) {}
+      requests_(setup.process, setup.options.robot, setup.session, bus) {}
 
 FrontendProcess::~FrontendProcess() {
   readers_.clear();  // before what their handlers use
@@ -132,7 +131,7 @@ int FrontendProcess::Run() {
 void FrontendProcess::CheckPeers() {
   const size_t others = roles_seen_.count("backend_mapper") + roles_seen_.count("loop_closer") + roles_seen_.count("atlas_server");
   const bool ready = roles_seen_.count("backend_mapper") == 1 && roles_seen_.count("atlas_server") == 1 &&
-                     keyframe_writer_->MatchedReaders() >= static_cast<int>(others) && request_writer_->MatchedReaders() >= 1 &&
+                     keyframe_writer_->MatchedReaders() >= static_cast<int>(others) && requests_.MatchedReaders() >= 1 &&
                      (roles_seen_.count("loop_closer") == 0 || loop_closer_is_ready_);
   if (ready) {
     AskAtlas();
@@ -154,13 +153,13 @@ void FrontendProcess::CheckPeers() {
 void FrontendProcess::AskAtlas() {
   phase_ = Phase::kAskingAtlas;
   phase_start_ = Clock::now();
-  Send(tracker_.RequestFirstMap());
+  requests_.Send(tracker_.RequestFirstMap());
   NoteFollowedMaps();
   StartWhenAnswered();
 }
 
 void FrontendProcess::StartWhenAnswered() {
-  if (!open_requests_.empty() && Clock::now() - phase_start_ < kAtlasPatience) return;
+  if (!requests_.empty() && Clock::now() - phase_start_ < kAtlasPatience) return;
   spdlog::info("backend_mapper and atlas_server are there; starting");
   phase_ = Phase::kRunning;
   pump_.Start();
@@ -179,16 +178,9 @@ void FrontendProcess::OnCommand(const Command& command) {
 }
 
 void FrontendProcess::OnReply(const Reply& reply) {
-  const auto open = open_requests_.find(reply.id);
-  if (open == open_requests_.end()) return;
-  const Request request = open->second.request;
-  open_requests_.erase(open);
-  if (!reply.ok) {
-    // A tracker goes on whatever the atlas_server says; that a place is not known is no news.
-    const auto level = request.kind == "new_map" ? spdlog::level::warn : spdlog::level::debug;
-    spdlog::log(level, "request {} refused: {}", request.kind, reply.reason);
-  }
-  tracker_.OnReply(request, reply);
+  const std::optional<Request> request = requests_.Close(reply);
+  if (!request) return;
+  tracker_.OnReply(*request, reply);
   if (phase_ == Phase::kAskingAtlas) StartWhenAnswered();
   ReleasePumpIfReady();
 }
@@ -227,7 +219,7 @@ void FrontendProcess::Publish(const Tracker::Output& output) {
     keyframe_writer_->Write(message);
     last_send_ = Clock::now();
   }
-  Send(output.requests);
+  requests_.Send(output.requests);
   NoteFollowedMaps();
   if (tracker_.active_map() != reported_map_) OnStatusTimer();  // who owns what depends on it
   TrackerState state = output.state;
@@ -235,32 +227,9 @@ void FrontendProcess::Publish(const Tracker::Output& output) {
   state_writer_->Write(state);
 }
 
-void FrontendProcess::Send(std::vector<Request> requests) {
-  for (Request& request : requests) {
-    request.id = request_ids_.Next();
-    request.sender = setup_.process;
-    spdlog::debug("request {} map {} other {} {}", request.kind, ToString(request.map), ToString(request.other), request.argument);
-    request_writer_->Write(request);
-    const RequestId id = request.id;
-    open_requests_[id] = {std::move(request), Clock::now()};
-  }
-}
-
-/// What has not been answered: the atlas_server may be down, and come again. Where the camera was is no question any more by then.
 void FrontendProcess::SendAgain() {
+  requests_.SendAgain(kResendAfter);
   const auto now = Clock::now();
-  for (auto next = open_requests_.begin(); next != open_requests_.end();) {
-    OpenRequest& open = next->second;
-    if (now - open.sent < kResendAfter) {
-      ++next;
-    } else if (open.request.kind == "locate") {
-      next = open_requests_.erase(next);
-    } else {
-      request_writer_->Write(open.request);
-      open.sent = now;
-      ++next;
-    }
-  }
   if (!tracker_.AwaitedKeyFrame() || now - last_send_ < kResendAfter) return;
   spdlog::debug("the mapper has not answered: sending {} keyframes again", tracker_.num_unacknowledged());
   for (const KeyFrameMessage& message : tracker_.UnacknowledgedKeyFrames()) keyframe_writer_->Write(message);
@@ -316,9 +285,7 @@ bool FrontendProcess::MapperIsDone() const {
 
 /// Of a lockstep run: whether the answer to a question or a map that was asked for is still to come.
 bool FrontendProcess::IsWaitingForAtlas() const {
-  for (const auto& [id, open] : open_requests_) {
-    if (open.request.kind == "locate") return true;
-  }
+  if (requests_.HasAny("locate")) return true;
   if (!in_need_since_ || Clock::now() - *in_need_since_ > kMapPatience) return false;
   for (const MapReplica* replica : tracker_.ReplicasInNeed()) {
     if (tracker_.IsFresh(replica->map().id())) return true;

@@ -9,6 +9,7 @@
 
 #include "process/frame_pump.h"
 #include "process/frontend_options.h"
+#include "process/open_requests.h"
 #include "process/process_setup.h"
 #include "process/status_publisher.h"
 #include "tracking/follower_watch.h"
@@ -32,10 +33,6 @@ class FrontendProcess {
  private:
   using Clock = std::chrono::steady_clock;
   enum class Phase { kWaitingForPeers, kAskingAtlas, kRunning, kDraining, kOver };
-  struct OpenRequest {
-    Request request;
-    Clock::time_point sent;
-  };
 
   void ConnectReaders();
   void CheckPeers();
@@ -50,7 +47,6 @@ class FrontendProcess {
   void OnTick();           // ten times a second: what waits for an answer that may not come
   void OnStatusTimer();
   void Publish(const Tracker::Output& output);
-  void Send(std::vector<Request> requests);
   void SendAgain();
   void AskForSnapshots();
   void NoteFollowedMaps();
@@ -78,7 +74,6 @@ class FrontendProcess {
   std::unique_ptr<Writer<KeyFrameMessage>> keyframe_writer_;
   std::unique_ptr<Writer<TrackerState>> state_writer_;
   std::unique_ptr<Writer<SnapshotRequest>> snapshot_writer_;
-  std::unique_ptr<Writer<Request>> request_writer_;
   std::vector<std::unique_ptr<Reader>> readers_;
 
   Phase phase_ = Phase::kWaitingForPeers;
@@ -90,8 +85,7 @@ class FrontendProcess {
   bool loop_closer_is_ready_ = false;
   bool frame_in_work_ = false;
   bool paused_ = false;
-  IdMinter<RequestId> request_ids_;
-  std::map<RequestId, OpenRequest> open_requests_;  // until a Reply comes
+  OpenRequests requests_;
   std::shared_ptr<const std::set<MapId>> followed_ = std::make_shared<const std::set<MapId>>();  // read by transport threads, by std::atomic_load
   Clock::time_point last_send_ = Clock::now();
   Clock::time_point last_snapshot_request_{};

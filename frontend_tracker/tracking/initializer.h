@@ -20,6 +20,7 @@ class Initializer {
     Frame first, second;
     std::vector<std::pair<uint32_t, uint32_t>> matches;  ///< (feature of first, feature of second)
     Eigen::Quaterniond second_from_first = Eigen::Quaterniond::Identity();  ///< rotation, by ESM
+    Eigen::Vector3d translation = Eigen::Vector3d::Zero();  ///< of second_from_first, where both are tracked in another map; 0: unknown
     double baseline_px = 0;                              ///< median image motion without the rotation
   };
 

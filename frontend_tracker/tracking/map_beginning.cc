@@ -14,7 +14,6 @@ void MapBeginning::Start(MapId map, MapId old_map) {
   map_ = map;
   old_map_ = old_map;
   queue_.clear();
-  last_queued_.reset();
   any_sent_ = false;
   initializer_.Reset();
   offered_.clear();
@@ -22,7 +21,6 @@ void MapBeginning::Start(MapId map, MapId old_map) {
 }
 
 void MapBeginning::Queue(Frame frame, const Eigen::Quaterniond& current_from_last, bool may_complete) {
-  last_queued_ = frame;
   queue_.push_back({std::move(frame), current_from_last, may_complete});
 }
 

@@ -37,13 +37,10 @@ class MapBeginning {
   const std::optional<std::pair<Frame, Frame>>& sent() const { return sent_; }
 
   /// Queues a frame for OfferQueued(). @param current_from_last rotation since the frame queued before. @param may_complete whether it may be the
-  /// second of a pair: a map made of frames that are all past need not show what the camera sees now.
+  /// second of a pair: a map made of frames that were all tracked in the old one would not show what the camera sees now.
   void Queue(Frame frame, const Eigen::Quaterniond& current_from_last, bool may_complete);
   /// Offers queued frames, at most so many: what past frames cost is spread over the frames to come. @return the pair that is complete, to be sent.
   std::optional<Initializer::Pair> OfferQueued(int most);
-  /// The last frame queued, or none.
-  const Frame* last_queued() const { return last_queued_ ? &*last_queued_ : nullptr; }
-
   /// @param current_from_last rotation since the frame offered before.
   /// @return the pair that this frame completes, to be sent.
   std::optional<Initializer::Pair> Offer(const Frame& frame, const Eigen::Quaterniond& current_from_last);
@@ -73,7 +70,6 @@ class MapBeginning {
 
   MapId map_, old_map_;
   std::deque<Queued> queue_;
-  std::optional<Frame> last_queued_;
   Initializer initializer_;
   std::vector<Frame> offered_;  // since the initializer's first frame
   std::optional<std::pair<Frame, Frame>> sent_;

@@ -9,7 +9,6 @@ namespace portolan {
 namespace {
 
 constexpr size_t kPastFrames = 30;          // from which a new map may begin: a second of a fast camera, three of a slow one
-constexpr int kOffersWhileTracking = 3;     // frames offered to a new map per frame of the camera: each takes some milliseconds
 constexpr size_t kMaxUnacknowledged = 512;  // keyframes of maps that nobody writes any more may be among them
 
 }  // namespace
@@ -52,7 +51,7 @@ Tracker::Output Tracker::Track(const Image& image) {
   } else if (TrackInMap(&frame) || GoOnInLinkedMap(&frame, false)) {
     OnTracked(&frame, &output);
   } else {
-    OnFailed(frame, &output);
+    OnFailed(frame);
   }
   output.requests = std::exchange(requests_, {});
   const bool tracked = state_ == TrackingState::kTracking;
@@ -186,30 +185,21 @@ void Tracker::OnTracked(Frame* frame, Output* output) {
   reference_ = ReferenceLandmarks(map, *frame->data, frame->landmarks);
   history_.Add(map, *frame, true);
   ConsiderKeyFrame(frame, output);
-  if (beginning_.map().IsValid()) {
-    const Frame* queued = beginning_.last_queued();
-    if (queued == nullptr || queued->number != frame->number) {
-      beginning_.Queue(*frame, (frame->camera_from_map.rotation * last_frame_->camera_from_map.rotation.conjugate()).normalized(), true);
-    }
-    ContinueBeginning(kOffersWhileTracking, frame->stamp, output);
-  }
+  OfferTrackedPair(*frame, output);
   last_frame_ = std::move(*frame);
   BackfillOne();
 }
 
-void Tracker::OnFailed(const Frame& frame, Output* output) {
+void Tracker::OnFailed(const Frame& frame) {
   ++lost_frames_;
   state_ = TrackingState::kRelocalizing;
-  if (beginning_.map().IsValid()) {
-    beginning_.Queue(frame, (frame.camera_from_map.rotation * last_frame_->camera_from_map.rotation.conjugate()).normalized(), true);
-    ContinueBeginning(kOffersWhileTracking, frame.stamp, output);
-  }
   ring_.AddFailed(frame);
   last_frame_ = frame;  // its pose is the prediction, from which ESM goes on
   // "If tracking fails for more than five consecutive frames, the tracker is considered to be lost" (paper Sec. 3).
   if (lost_frames_ > options_.max_lost_frames) {
     state_ = TrackingState::kLost;
     lost_since_ = frame.number;
+    if (beginning_.map().IsValid() && !beginning_.sent()) QueuePastFrames();
     if (!beginning_.map().IsValid() && !options_.localization_only) StartNewMap();
   }
 }
@@ -293,7 +283,10 @@ bool Tracker::OnMapperState(const MapperState& state) {
   }
   if (state.refused_keyframe.IsValid()) {
     unacknowledged_.erase(state.refused_keyframe);
-    if (beginning_.sent() && beginning_.sent()->second.data->id == state.refused_keyframe) DropPair();
+    if (beginning_.sent() && beginning_.sent()->second.data->id == state.refused_keyframe) {
+      DropPair();
+      ++refused_pairs_;
+    }
   }
   return true;
 }

@@ -26,6 +26,7 @@
 #include "tracking/place_queries.h"
 #include "tracking/relocalizer.h"
 #include "tracking/rotation_estimator.h"
+#include "tracking/tracked_pair.h"
 #include "tracking/tracker_options.h"
 #include "tracking/velocity_model.h"
 #include "vocabulary/vocabulary.h"
@@ -112,7 +113,7 @@ class Tracker {
   bool TrackInMap(Frame* frame);
   bool TrackByMotion(const Map& map, Frame* frame);
   void OnTracked(Frame* frame, Output* output);
-  void OnFailed(const Frame& frame, Output* output);
+  void OnFailed(const Frame& frame);
   void ConsiderKeyFrame(Frame* frame, Output* output);
   bool HasPose() const { return state_ == TrackingState::kTracking || state_ == TrackingState::kRelocalizing; }
 
@@ -120,9 +121,11 @@ class Tracker {
   void StartNewMap();
   void QueuePastFrames();
   void Initialize(Frame frame, Output* output);
-  void ContinueBeginning(int offers, Timestamp now, Output* output);
+  void ContinueBeginning(Timestamp now, Output* output);
   void SendPair(Initializer::Pair pair, Output* output);
   void DropPair();  // refused, or not needed any more
+  void OfferTrackedPair(const Frame& frame, Output* output);
+  std::vector<Frame> PastFrames(double baseline_factor) const;
   void StopBeginning();
   void BeginTracking(uint64_t frame_now);
   void PlanToEnterNewMap();
@@ -196,6 +199,7 @@ class Tracker {
   std::vector<Request> requests_;                           // since the last frame
   std::optional<PlannedMove> move_;
   std::vector<Command> fusions_;                            // whose outcome is not in the replica yet
+  int refused_pairs_ = 0;                                   // of the map that begins
   MapId spare_map_;                                         // asked for, and not begun
   size_t next_other_map_ = 0;                               // whose turn it is when lost
   std::map<KeyFrameId, KeyFrameMessage> unacknowledged_;

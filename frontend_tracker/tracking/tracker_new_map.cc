@@ -10,7 +10,10 @@
 namespace portolan {
 namespace {
 
-constexpr int kOffersWhileLost = 6;     // there is no tracking to be paid for
+constexpr int kOffersPerFrame = 6;      // each takes some milliseconds; there is no tracking to be paid for
+constexpr double kLeastBaseline = 0.5;  // of the initializer's, where the motion is known; after each refusal
+constexpr double kBaselineSteps = 0.5;  // so much more,
+constexpr int kNumBaselines = 4;        // so often, and again from there
 constexpr size_t kMinCommon = 60;       // landmarks that a past frame must share with the last tracked one, to be where a new map begins
 
 Eigen::Quaterniond Turn(const Frame& from, const Frame& to) {
@@ -29,26 +32,40 @@ void Tracker::StartNewMap() {
   spare_map_ = MapId();
   maps_.Follow(map, false);
   AskAtlas("new_map", map, active_map_, std::nullopt, "");
+  refused_pairs_ = 0;
   beginning_.Start(map, active_map_);
-  QueuePastFrames();
+  if (!HasPose()) QueuePastFrames();
 }
 
-/// "The initialization of a new map begins with several past image frames that were explored in the last map" (paper Sec. 3.4). None of those that were
-/// tracked completes a pair, but the newest: the new map has to show what the camera sees now.
-void Tracker::QueuePastFrames() {
+/// The youngest tracked frames over which the camera has moved enough. @param baseline_factor of what the initializer asks for.
+std::vector<Frame> Tracker::PastFrames(double baseline_factor) const {
   const PinholeCamera& camera = camera_.pinhole;
   const double focal_share = std::min(1.0, std::max(camera.fx, camera.fy) / options_.initializer.reference_focal_px);
-  const std::vector<Frame> past = ring_.Overlapping(options_.initializer.min_baseline_px * focal_share, kMinCommon);
+  return ring_.Overlapping(baseline_factor * options_.initializer.min_baseline_px * focal_share, kMinCommon);
+}
+
+/// "The initialization of a new map begins with several past image frames that were explored in the last map" (paper Sec. 3.4), for a camera that is lost:
+/// they are the first of a pair, and what came since is the second, for the new map has to show what the camera sees now.
+void Tracker::QueuePastFrames() {
   const Frame* last = nullptr;
-  for (const Frame& frame : past) {
-    const bool is_newest = &frame == &past.back() && ring_.failed().empty();
-    beginning_.Queue(frame, last != nullptr ? Turn(*last, frame) : Eigen::Quaterniond::Identity(), is_newest);
+  const auto queue = [&](const Frame& frame, bool may_complete) {
+    beginning_.Queue(frame, last != nullptr ? Turn(*last, frame) : Eigen::Quaterniond::Identity(), may_complete);
     last = &frame;
-  }
-  for (const Frame& frame : ring_.failed()) {
-    beginning_.Queue(frame, last != nullptr ? Turn(*last, frame) : Eigen::Quaterniond::Identity(), true);
-    last = &frame;
-  }
+  };
+  const std::vector<Frame> past = PastFrames(1.0);
+  for (const Frame& frame : past) queue(frame, false);
+  for (const Frame& frame : ring_.failed()) queue(frame, true);
+}
+
+/// The same for a camera that is tracked: this frame with a past one. After each refusal by the mapper with one from farther away, up to a limit.
+void Tracker::OfferTrackedPair(const Frame& frame, Output* output) {
+  if (!beginning_.map().IsValid() || beginning_.sent()) return;
+  const Stopwatch stopwatch;
+  const double factor = kLeastBaseline + kBaselineSteps * (refused_pairs_ % kNumBaselines);
+  const std::vector<Frame> past = PastFrames(factor);
+  auto pair = past.size() < 2 ? std::nullopt : MakeTrackedPair(ActiveMap(), past.front(), frame, options_.initializer);
+  if (pair) SendPair(std::move(*pair), output);
+  stage_times_.Add("initialize", stopwatch.Milliseconds());
 }
 
 void Tracker::Initialize(Frame frame, Output* output) {
@@ -61,15 +78,14 @@ void Tracker::Initialize(Frame frame, Output* output) {
   if (beginning_.map().IsValid()) {
     const Stopwatch stopwatch;
     beginning_.Queue(frame, EstimateRotation(frame, Eigen::Quaterniond::Identity()), true);
-    ContinueBeginning(kOffersWhileLost, frame.stamp, output);
+    ContinueBeginning(frame.stamp, output);
     stage_times_.Add("initialize", stopwatch.Milliseconds());
   }
   last_frame_ = std::move(frame);
 }
 
-/// @param offers frames to be offered at most.
-void Tracker::ContinueBeginning(int offers, Timestamp now, Output* output) {
-  auto pair = beginning_.OfferQueued(offers);
+void Tracker::ContinueBeginning(Timestamp now, Output* output) {
+  auto pair = beginning_.OfferQueued(kOffersPerFrame);
   const bool may_send = active_map_.IsValid() || (queries_.MayBegin(now) && !move_);
   if (pair && may_send) SendPair(std::move(*pair), output);
 }
@@ -106,7 +122,7 @@ void Tracker::SendPair(Initializer::Pair pair, Output* output) {
   KeyFrameMessage second;
   second.map = beginning_.map();
   second.reference = Send(KeyFrameKind::kInitialFirst, &pair.first, std::move(first), output);
-  second.camera_from_map = Rigid3d(pair.second_from_first, Eigen::Vector3d::Zero());
+  second.camera_from_map = Rigid3d(pair.second_from_first, pair.translation);
   second.initial_matches = pair.matches;
   Send(KeyFrameKind::kInitialSecond, &pair.second, std::move(second), output);
   beginning_.NoteSent(std::move(pair.first), std::move(pair.second));
