@@ -86,7 +86,7 @@ TEST_F(LandmarkFusionTest, PassesOverWhatIsGoneOrSeen) {
 }
 
 TEST_F(LandmarkFusionTest, FindsNothingInAKeyFrameWithoutDescriptors) {
-  map_.DropAppearance(last_, WithoutAppearance(*map_.keyframe(last_).data));
+  map_.ReplaceData(last_, WithoutAppearance(*map_.keyframe(last_).data));
   FusionResult result;
   FuseIntoKeyFrame(&map_, last_, LandmarksOf(map_, first_), LandmarkFusionOptions(), &result);
   EXPECT_TRUE(result.observations.empty());
