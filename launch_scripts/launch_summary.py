@@ -6,7 +6,8 @@ import os
 from launch_arguments import FRONTEND
 
 # Figures of the run that the frontend knows; null if it left none.
-FRONTEND_KEYS = ("frames", "tracked", "dropped", "lost", "maps", "keyframes", "points", "switches", "fusions", "frame_ms", "lens_residual")
+FRONTEND_KEYS = ("frames", "tracked", "dropped", "lost", "maps", "keyframes", "points", "links", "unlinked_maps", "switches", "fusions",
+                 "refused_moves", "frames_to_new_map", "frame_ms", "lens_residual")
 # What the loop_closer found; null if it left no figures.
 LOOP_KEYS = ("loops", "closures", "refusals", "loop_counters")
 # Figures that each process has of its own.

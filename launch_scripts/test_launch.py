@@ -29,7 +29,8 @@ def report(role, **more):
 
 
 FRONTEND_REPORT = report("frontend_tracker", bytes_sent={"keyframe": 7, "process_status": 5}, frames=10, tracked=9, lost=0, dropped=1, maps=1,
-                         keyframes=4, points=200, switches=0, fusions=0, frame_ms={"median": 20.0, "p95": 30.0}, lens_residual=[0, 0])
+                         keyframes=4, points=200, links=0, unlinked_maps=0, switches=0, fusions=0, refused_moves=0, frames_to_new_map=[9],
+                         frame_ms={"median": 20.0, "p95": 30.0}, lens_residual=[0, 0])
 
 LOOP_REPORT = report("loop_closer", loops=1, closures=[{"stamp_ns": 9, "matched_stamp_ns": 2}], refusals=[], loop_counters={"closed": 1})
 
@@ -96,7 +97,7 @@ class WholeRunTest(RunTest):
         code, errors = self.run_to_end()
         self.assertEqual(code, 0, errors)
         summary = self.summary()
-        for key in ("frames", "tracked", "dropped", "lost", "maps", "keyframes", "points", "switches", "fusions", "frame_ms", "lens_residual"):
+        for key in launch_summary.FRONTEND_KEYS:
             self.assertEqual(summary[key], FRONTEND_REPORT[key])
         for key in ("loops", "closures", "refusals", "loop_counters"):
             self.assertEqual(summary[key], LOOP_REPORT[key])

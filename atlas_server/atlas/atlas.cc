@@ -127,8 +127,11 @@ Reply Atlas::AnswerEnterMap(const Request& request, double now_s) {
   graph_.CountSwitch(map, other);
   const Sim3d& found = request.map_from_other;
   const bool is_identity = found.scale == 1 && found.translation.isZero(0) && found.rotation.vec().isZero(0);
-  if (!is_identity && !graph_.FindLink(map, other))
-    LinkMaps({map, other, map_from_asked * found * other_from_asked.Inverse(), MapGraph::Origin::kEntered});
+  const auto known = graph_.FindLink(map, other);
+  // A frame that is localised in both maps tells more of them than two keyframes do, but not than the frames a map began with.
+  if (!is_identity && (!known || known->origin != MapGraph::Origin::kNewMap)) {
+    LinkMaps({map, other, map_from_asked * found * other_from_asked.Inverse(), known ? known->origin : MapGraph::Origin::kEntered});
+  }
   return reply;
 }
 

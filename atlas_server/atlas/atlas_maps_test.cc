@@ -102,6 +102,19 @@ TEST_F(AtlasMapsTest, ATrackerThatEntersAMapHasItGrantedAndLeavesTheOther) {
   EXPECT_EQ(Owner(kNew), kServer);
 }
 
+TEST_F(AtlasMapsTest, AnEntryMeasuresALinkAnewButThoseOfNewMaps) {
+  for (const MapGraph::Origin origin : {MapGraph::Origin::kOverlap, MapGraph::Origin::kNewMap}) {
+    atlas_ = Atlas(kServer, now_);
+    StartInNewMap(60, 60);
+    atlas_.LinkMaps({kOld, kNew, Sim3d(1.4, Eigen::Quaterniond::Identity(), {1, 1, 1}), origin});
+    Ask(kTracker, "enter_map", kOld, kNew, "", OldFromNew());
+    const auto link = atlas_.graph().FindLink(kOld, kNew);
+    EXPECT_EQ(link->origin, origin);
+    EXPECT_NEAR(link->map_from_other.scale, origin == MapGraph::Origin::kOverlap ? OldFromNew().scale : 1.4, 1e-12);
+    living_.clear();
+  }
+}
+
 TEST_F(AtlasMapsTest, AnEntryWithoutASimilarityIsNoLink) {
   StartInNewMap(60, 60);
   EXPECT_TRUE(ReplyTo(Ask(kTracker, "enter_map", kOld, kNew)).ok);
@@ -195,6 +208,53 @@ TEST_F(AtlasMapsTest, ATrackerThatMissedAFusionIsToldByTheNextAtlasServer) {
   EXPECT_EQ(atlas_.maps().count(kNew), 0u);
   EXPECT_TRUE(ReplyTo(Ask(kTracker, "enter_map", kNew)).ok);
   EXPECT_EQ(atlas_.MapOf(kTracker), kOld);
+}
+
+/// The atlas_server dies after it told the tracker to switch; the next one has the store alone.
+TEST_F(AtlasMapsTest, ASwitchGoesOnUnderTheNextAtlasServer) {
+  StartInNewMap(60, 60);
+  joiner_.OnOverlap(3, Overlap(kNew, kOld), now_);
+  Collect();
+  ASSERT_THAT(Commands(CommandKind::kActivateMap), SizeIs(1));
+  std::vector<Atlas::Ownership> stored;
+  for (const auto& [id, ownership] : atlas_.maps()) stored.push_back(ownership);
+  const MapGraph graph = MapGraph(atlas_.graph().state());
+  atlas_ = Atlas(kServer, now_);
+  joiner_ = MapJoiner(kServer, JoinOptions(), &atlas_);
+  atlas_.Restore(stored, graph);
+  commands_.clear();
+  Live(kMapper, "backend_mapper", kNew, 1);
+  const RequestId entered = Ask(kTracker, "enter_map", kOld, kNew, "", OldFromNew());
+  Track(kTracker, kOld);
+  Go(4);
+  EXPECT_TRUE(ReplyTo(entered).ok);
+  EXPECT_EQ(Owner(kOld), kMapper);
+  EXPECT_EQ(EpochOf(kOld), 3u);
+  EXPECT_EQ(Owner(kNew), kServer);
+  EXPECT_EQ(atlas_.graph().ActivityOf(kOld, kNew), 2u);
+}
+
+/// It dies while a fusion's maps are with one mapper: nothing is lost, and the fusion is to be found again.
+TEST_F(AtlasMapsTest, AFusionThatWasUnderWayIsForgottenByTheNextAtlasServer) {
+  StartInNewMap(60, 20);
+  joiner_.OnOverlap(3, Overlap(kNew, kOld), now_);
+  Collect();
+  ASSERT_EQ(Owner(kOld), kMapper);
+  std::vector<Atlas::Ownership> stored;
+  for (const auto& [id, ownership] : atlas_.maps()) stored.push_back(ownership);
+  const MapGraph graph = MapGraph(atlas_.graph().state());
+  atlas_ = Atlas(kServer, now_);
+  joiner_ = MapJoiner(kServer, JoinOptions(), &atlas_);
+  atlas_.Restore(stored, graph);
+  atlas_.OnSize(kOld, 60);
+  atlas_.OnSize(kNew, 20);
+  Live(kMapper, "backend_mapper", kOld, 3);
+  Go(5);
+  EXPECT_EQ(Owner(kNew), kMapper);
+  EXPECT_EQ(EpochOf(kNew), 1u) << "nobody took it from its owner";
+  EXPECT_EQ(Owner(kOld), kServer);
+  EXPECT_EQ(EpochOf(kOld), 4u);
+  EXPECT_TRUE(joiner_.WantsOverlap(3, kNew, kOld, now_));
 }
 
 }  // namespace

@@ -68,19 +68,19 @@ void MapJoiner::Block(MapId map, MapId other) {
 
 bool MapJoiner::WantsOverlap(RobotId robot, MapId map, MapId other, double now_s) const {
   const bool has_proposal = std::any_of(proposals_.begin(), proposals_.end(), [&](const Proposal& p) { return p.robot == robot; });
-  if (has_proposal || IsBusy(map) || IsBusy(other) || IsBlocked(map, other) || atlas_.SizeOf(other) == 0) return false;
+  if (has_proposal || IsBusy(map) || IsBusy(other) || IsBlocked(map, other) || atlas_->SizeOf(other) == 0) return false;
   // A map that was begun beside another overlaps it, that is known: the camera has left the other on purpose.
-  const auto link = atlas_.graph().FindLink(map, other);
-  const bool is_small = atlas_.SizeOf(map) <= static_cast<size_t>(options_.switch_keyframes);
-  return !(link && link->origin == MapGraph::Origin::kNewMap && is_small && !atlas_.IsActive(other, now_s));
+  const auto link = atlas_->graph().FindLink(map, other);
+  const bool is_small = atlas_->SizeOf(map) <= static_cast<size_t>(options_.switch_keyframes);
+  return !(link && link->origin == MapGraph::Origin::kNewMap && is_small && !atlas_->IsActive(other, now_s));
 }
 
 void MapJoiner::OnOverlap(RobotId robot, const DetectedOverlap& overlap, double now_s) {
   if (!WantsOverlap(robot, overlap.map, overlap.other, now_s)) return;
   ++counters_.overlaps;
-  atlas_.LinkMaps({overlap.other, overlap.map, overlap.other_from_map, MapGraph::Origin::kOverlap});
-  const bool other_is_active = atlas_.IsActive(overlap.other, now_s);
-  const size_t size = atlas_.SizeOf(overlap.map), other_size = atlas_.SizeOf(overlap.other);
+  atlas_->LinkMaps({overlap.other, overlap.map, overlap.other_from_map, MapGraph::Origin::kOverlap});
+  const bool other_is_active = atlas_->IsActive(overlap.other, now_s);
+  const size_t size = atlas_->SizeOf(overlap.map), other_size = atlas_->SizeOf(overlap.other);
   if (!other_is_active && size > static_cast<size_t>(options_.switch_keyframes)) return Switch(robot, overlap, now_s);
   // Of two maps in which robots are the larger one stays.
   const bool goes = !other_is_active || std::make_pair(size, overlap.other) <= std::make_pair(other_size, overlap.map);
@@ -101,10 +101,10 @@ void MapJoiner::Switch(RobotId robot, const DetectedOverlap& overlap, double now
   record.other = proposal.other;
   record.current = overlap.current;
   record.matched = overlap.matched;
-  record.keyframes = atlas_.SizeOf(overlap.map);
+  record.keyframes = atlas_->SizeOf(overlap.map);
   record.map_from_other = overlap.other_from_map;
   record.decided_s = now_s;
-  atlas_.Activate(robot, proposal.map, proposal.other, proposal.map_from_other);
+  atlas_->Activate(robot, proposal.map, proposal.other, proposal.map_from_other);
   spdlog::info("robot {} is to switch from map {} ({} keyframes) to map {}: {} sees the place of {}", robot, ToString(proposal.other),
                record.keyframes, ToString(proposal.map), ToString(overlap.current), ToString(overlap.matched));
   proposals_.push_back(std::move(proposal));
@@ -126,42 +126,42 @@ void MapJoiner::BeginFusion(RobotId robot, MapId map, MapId other, const Detecte
   record.other = other;
   record.current = overlap.current;
   record.matched = overlap.matched;
-  record.keyframes = atlas_.SizeOf(overlap.map);
+  record.keyframes = atlas_->SizeOf(overlap.map);
   record.map_from_other = proposal.map_from_other;
   record.decided_s = now_s;
   proposals_.push_back(std::move(proposal));
-  spdlog::info("map {} ({} keyframes) is to go into map {} ({} keyframes): {} sees the place of {}", ToString(other), atlas_.SizeOf(other),
-               ToString(map), atlas_.SizeOf(map), ToString(overlap.current), ToString(overlap.matched));
+  spdlog::info("map {} ({} keyframes) is to go into map {} ({} keyframes): {} sees the place of {}", ToString(other), atlas_->SizeOf(other),
+               ToString(map), atlas_->SizeOf(map), ToString(overlap.current), ToString(overlap.matched));
   Gather(&proposals_.back(), now_s);
 }
 
 /// Of a fusion's two maps one mapper is to be the owner: that of the map that stays, if a robot is in it, else that of the other.
 void MapJoiner::Gather(Proposal* proposal, double now_s) {
   const auto owner_of = [&](MapId id) {
-    const auto map = atlas_.maps().find(id);
-    const bool lives = map != atlas_.maps().end() && map->second.owner != self_ && atlas_.IsAlive(map->second.owner, now_s);
+    const auto map = atlas_->maps().find(id);
+    const bool lives = map != atlas_->maps().end() && map->second.owner != self_ && atlas_->IsAlive(map->second.owner, now_s);
     return lives ? map->second.owner : ProcessId();
   };
-  const MapId first = atlas_.IsActive(proposal->map, now_s) ? proposal->map : proposal->other;
+  const MapId first = atlas_->IsActive(proposal->map, now_s) ? proposal->map : proposal->other;
   const MapId second = first == proposal->map ? proposal->other : proposal->map;
   const ProcessId owner = owner_of(first).IsValid() ? owner_of(first) : owner_of(second);
   if (!owner.IsValid()) return;  // until a mapper is there, or patience ends
   proposal->owner = owner;
-  atlas_.Hold(proposal->map, owner, now_s);
-  atlas_.Hold(proposal->other, owner, now_s);
+  atlas_->Hold(proposal->map, owner, now_s);
+  atlas_->Hold(proposal->other, owner, now_s);
 }
 
 Status MapJoiner::Order(RobotId robot, MapId map, double now_s) {
-  const std::vector<ProcessId> trackers = atlas_.TrackersOf(robot, now_s);
+  const std::vector<ProcessId> trackers = atlas_->TrackersOf(robot, now_s);
   if (trackers.empty()) return Error{fmt::format("robot {} has no tracker", robot)};
-  if (atlas_.maps().count(map) == 0) return Error{"map " + ToString(map) + " is not known here"};
-  if (atlas_.SizeOf(map) == 0) return Error{"map " + ToString(map) + " has no keyframes"};
-  const MapId current = atlas_.MapOf(trackers.back());
+  if (atlas_->maps().count(map) == 0) return Error{"map " + ToString(map) + " is not known here"};
+  if (atlas_->SizeOf(map) == 0) return Error{"map " + ToString(map) + " has no keyframes"};
+  const MapId current = atlas_->MapOf(trackers.back());
   if (current == map) return Error{fmt::format("robot {} is in map {} already", robot, ToString(map))};
   for (const Proposal& p : proposals_) {
     if (p.robot == robot || p.map == map || p.other == map) return Error{"a switch or fusion is under way"};
   }
-  const auto way = current.IsValid() ? atlas_.graph().FindWay(map, current) : std::nullopt;
+  const auto way = current.IsValid() ? atlas_->graph().FindWay(map, current) : std::nullopt;
   // Of maps that nobody knows where they lie to each other the tracker looks for its place, as if it were lost.
   DetectedOverlap order;
   order.map = way ? current : MapId();
@@ -174,7 +174,7 @@ Status MapJoiner::Order(RobotId robot, MapId map, double now_s) {
 Status MapJoiner::OrderFusion(const DetectedOverlap& overlap, double now_s) {
   if (IsBusy(overlap.map) || IsBusy(overlap.other)) return Error{"a switch or fusion is under way"};
   ++counters_.overlaps;
-  atlas_.LinkMaps({overlap.other, overlap.map, overlap.other_from_map, MapGraph::Origin::kOverlap});
+  atlas_->LinkMaps({overlap.other, overlap.map, overlap.other_from_map, MapGraph::Origin::kOverlap});
   BeginFusion(overlap.map.robot(), overlap.other, overlap.map, overlap, now_s);
   return Ok{};
 }
@@ -208,7 +208,7 @@ void MapJoiner::OnMapperState(const MapperState& state, double now_s) {
     return;
   }
   const MapId map = proposal->map, other = proposal->other;
-  atlas_.Fuse(map, other, proposal->map_from_other);
+  atlas_->Fuse(map, other, proposal->map_from_other);
   done_.push_back({map, other, state.map == map ? state.revision : 0});
   Finish(proposal, "", now_s);
 }
@@ -226,15 +226,15 @@ double MapJoiner::PatienceOf(Stage stage) const {
 void MapJoiner::OnTick(double now_s) {
   for (size_t i = proposals_.size(); i-- > 0;) {
     const auto proposal = proposals_.begin() + static_cast<ptrdiff_t>(i);
-    const auto trackers = atlas_.TrackersOf(proposal->robot, now_s);
-    const bool is_there = std::any_of(trackers.begin(), trackers.end(), [&](ProcessId id) { return atlas_.MapOf(id) == proposal->map; });
+    const auto trackers = atlas_->TrackersOf(proposal->robot, now_s);
+    const bool is_there = std::any_of(trackers.begin(), trackers.end(), [&](ProcessId id) { return atlas_->MapOf(id) == proposal->map; });
     if (proposal->stage == Stage::kSwitching && trackers.empty()) {
       Finish(proposal, "the tracker is gone", now_s);
     } else if (proposal->stage == Stage::kSwitching && is_there) {
       Finish(proposal, "", now_s);
     } else if (now_s - proposal->since_s > PatienceOf(proposal->stage)) {
       Finish(proposal, proposal->stage == Stage::kGathering ? "no mapper came to own both maps" : "no answer", now_s);
-    } else if (proposal->stage == Stage::kGathering && !atlas_.IsAlive(proposal->owner, now_s)) {
+    } else if (proposal->stage == Stage::kGathering && !atlas_->IsAlive(proposal->owner, now_s)) {
       Gather(&*proposal, now_s);
     }
   }
@@ -246,8 +246,8 @@ std::optional<FusionTask> MapJoiner::NextFusion(const std::function<Epoch(MapId)
   for (Proposal& proposal : proposals_) {
     if (proposal.stage != Stage::kGathering || !proposal.owner.IsValid()) continue;
     const auto is_ready = [&](MapId id) {
-      const auto map = atlas_.maps().find(id);
-      return map != atlas_.maps().end() && map->second.owner == proposal.owner && epoch_of(id) == map->second.epoch;
+      const auto map = atlas_->maps().find(id);
+      return map != atlas_->maps().end() && map->second.owner == proposal.owner && epoch_of(id) == map->second.epoch;
     };
     if (!is_ready(proposal.map) || !is_ready(proposal.other)) continue;
     proposal.stage = Stage::kProposing;
@@ -276,8 +276,8 @@ void MapJoiner::Finish(Proposals::iterator proposal, const std::string& problem,
   JoinRecord record = std::move(proposal->record);
   const MapId map = proposal->map, other = proposal->other;
   proposals_.erase(proposal);
-  atlas_.Release(map);
-  atlas_.Release(other);
+  atlas_->Release(map);
+  atlas_->Release(other);
   record.done_s = now_s;
   record.is_done = problem.empty();
   record.problem = problem;

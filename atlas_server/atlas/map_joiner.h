@@ -54,7 +54,7 @@ struct JoinRecord {
 ///   if (auto correction = joiner.TakeCorrection()) publish it;
 class MapJoiner {
  public:
-  MapJoiner(ProcessId self, const JoinOptions& options, Atlas* atlas) : self_(self), options_(options), atlas_(*atlas) {}
+  MapJoiner(ProcessId self, const JoinOptions& options, Atlas* atlas) : self_(self), options_(options), atlas_(atlas) {}
 
   /// A keyframe of the robot's map was looked at: time, for retries.
   void OnKeyFrame(MapId map) { ++keyframes_[map]; }
@@ -70,8 +70,8 @@ class MapJoiner {
   void OnMapperState(const MapperState& state, double now_s);
   void OnTick(double now_s);
 
-  /// A fusion that is to be proposed now; once. None while another is being made. @param epoch_of the replica of a map that is
-  /// at rest: all that its owner has announced is there; 0 if it is not.
+  /// A fusion that is to be proposed now; once. None while another is being made. @param epoch_of a map's replica; 0 if
+  /// it is not whole.
   std::optional<FusionTask> NextFusion(const std::function<Epoch(MapId)>& epoch_of, double now_s);
   void OnProposed(Result<MapCorrection> proposal, double now_s);
   std::optional<MapCorrection> TakeCorrection();
@@ -119,7 +119,7 @@ class MapJoiner {
 
   ProcessId self_;
   JoinOptions options_;
-  Atlas& atlas_;
+  Atlas* atlas_;
   Proposals proposals_;
   std::map<MapId, uint64_t> keyframes_;                            // looked at
   std::map<std::pair<MapId, MapId>, uint64_t> blocked_until_;      // (current, other): count of keyframes_

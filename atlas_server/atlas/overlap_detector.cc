@@ -44,6 +44,8 @@ OverlapDetection OverlapDetector::Detect(const Map& map, KeyFrameId current, con
   OverlapDetection detection;
   Memory& memory = memories_[map.id()];
   ++memory.round;
+  auto& confirmations = memory.confirmations;
+  while (!confirmations.empty() && memory.round - confirmations.front().round > options_.max_keyframes_apart) confirmations.pop_front();
   const Stopwatch stopwatch;
   const std::vector<const OtherMap*> maps = ChooseMaps(others, &memory);
   detection.maps = maps.size();
@@ -162,7 +164,11 @@ std::vector<DetectedOverlap> OverlapDetector::Verify(const Map& map, KeyFrameId 
     DetectedOverlap overlap{map.id(), other.id(), current, matched, std::move(*place), {}};
     overlap.other_from_map = Sim3d(other.keyframe(matched).camera_from_map).Inverse() * overlap.place.query_from_candidate.Inverse() *
                              Sim3d(map.keyframe(current).camera_from_map);
+    const bool is_known = std::any_of(memory->confirmations.begin(), memory->confirmations.end(), [&](const Confirmation& earlier) {
+      return earlier.overlap.other == overlap.other && SayTheSame(map, overlap, earlier.overlap);
+    });
     verified.push_back(std::move(overlap));
+    if (is_known) break;  // what an earlier keyframe said too is not ambiguous
   }
   memory->refused = std::move(refused);
   return verified;
@@ -175,7 +181,6 @@ bool OverlapDetector::SayTheSame(const Map& map, const DetectedOverlap& a, const
 
 void OverlapDetector::Confirm(const Map& map, const DetectedOverlap& confirmed, Memory* memory, OverlapDetection* detection) const {
   auto& confirmations = memory->confirmations;
-  while (!confirmations.empty() && memory->round - confirmations.front().round > options_.max_keyframes_apart) confirmations.pop_front();
   bool agrees = false;
   for (const Confirmation& earlier : confirmations) {
     if (earlier.overlap.other != confirmed.other) continue;

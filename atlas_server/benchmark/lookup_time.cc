@@ -65,14 +65,14 @@ class Benchmark {
     MapBuilderOptions options;
     options.map = id;
     const Map map = BuildMap(scene, options);
+    Map published = map;
+    published.TakeDelta();
+    shelf_.replicas().AddDelta(published.Snapshot());  // first: data that nothing waits for would not be kept
     std::vector<std::shared_ptr<const KeyFrameData>> data;
     for (const auto& [keyframe_id, keyframe] : map.keyframes()) {
       shelf_.AddKeyFrame(id, *keyframe.data);
       data.push_back(keyframe.data);
     }
-    Map published = map;
-    published.TakeDelta();
-    shelf_.replicas().AddDelta(published.Snapshot());
     shelf_.ApplyPending();
     if (shelf_.FindMap(id) == nullptr) return Error{"the map is none: " + shelf_.maps().at(id).last_problem()};
     if (!stored) return Ok{};

@@ -234,8 +234,7 @@ void AtlasProcess::StartFusion() {
     fusion_ = joiner_.NextFusion(
         [this](MapId id) {
           const Map* map = shelf_.FindMap(id);
-          const bool rests = map != nullptr && shelf_.replicas().Lag(id) == 0 && !shelf_.maps().at(id).NeedsSnapshot();
-          return rests ? map->epoch() : 0;
+          return map != nullptr && !shelf_.maps().at(id).NeedsSnapshot() ? map->epoch() : 0;  // what comes later follows its ancestors
         },
         Now());
     if (!fusion_) return;

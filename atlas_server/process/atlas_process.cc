@@ -54,17 +54,8 @@ Status AtlasProcess::LoadStore() {
   atlas_.Restore(content->ownerships, MapGraph(content->graph));
   saved_graph_ = atlas_.graph().version();
   for (MapStore::StoredMap& stored : content->maps) {
-    const MapDelta& snapshot = stored.snapshot;
-    for (KeyFrameData& data : stored.keyframes) {
-      const KeyFrameId id = data.id;
-      shelf_.AddKeyFrame(snapshot.map, std::move(data));
-      shelf_.OnStored(id);
-    }
-    atlas_.OnEpoch(snapshot.map, snapshot.epoch);
-    shelf_.replicas().AddDelta(std::move(stored.snapshot));
-    shelf_.ApplyPending();  // the points take their descriptors
-    shelf_.Trim();
-    status_.AssertLiveliness();
+    atlas_.OnEpoch(stored.snapshot.map, stored.snapshot.epoch);
+    TakeIn(std::move(stored), true);
   }
   for (const auto& [id, replica] : shelf_.maps()) {
     if (replica.NeedsSnapshot()) {
@@ -79,6 +70,20 @@ Status AtlasProcess::LoadStore() {
   spdlog::info("atlas store '{}': {} maps, {} keyframes, {} points", store_->path(), totals.maps, totals.keyframes,
                totals.points);
   return Ok{};
+}
+
+/// A whole map. Its state waits for the keyframes: data that nothing waits for would not be kept.
+void AtlasProcess::TakeIn(StoredMap map, bool is_stored) {
+  const MapId id = map.snapshot.map;
+  shelf_.replicas().AddDelta(std::move(map.snapshot));
+  for (KeyFrameData& data : map.keyframes) {
+    const KeyFrameId keyframe = data.id;
+    shelf_.AddKeyFrame(id, std::move(data));
+    if (is_stored) shelf_.OnStored(keyframe);
+    status_.AssertLiveliness();
+  }
+  ApplyPending();  // the points take their descriptors
+  shelf_.Trim();
 }
 
 void AtlasProcess::ConnectReaders() {
@@ -215,12 +220,8 @@ Reply AtlasProcess::ImportMaps(const Request& request) {
   }
   for (StoredMap& map : content->maps) {
     const MapId id = map.snapshot.map;
-    for (KeyFrameData& data : map.keyframes) {
-      shelf_.AddKeyFrame(id, std::move(data));
-      status_.AssertLiveliness();
-    }
     atlas_.Adopt(id, map.snapshot.epoch);
-    shelf_.replicas().AddDelta(std::move(map.snapshot));
+    TakeIn(std::move(map), false);
     reply.text += (reply.text.empty() ? "" : " ") + ToString(id);
   }
   for (const MapStore::Link& link : content->graph.links) {
@@ -270,6 +271,8 @@ void AtlasProcess::OnSnapshotRequest(const SnapshotRequest& request) {
   const auto& [map, robot, epoch, owner] = ownership->second;
   if (owner.IsValid() && owner != setup_.process && owner != request.asker && atlas_.IsAlive(owner, Now())) return;
   const auto replica = shelf_.maps().find(map);
+  spdlog::debug("{} asks for map {}, has revision {} and {} keyframes", ToString(request.asker), ToString(request.map), request.have_revision,
+                request.have_keyframes.size());
   if (replica != shelf_.maps().end() && replica->second.map().revision() > 0) {
     SendSnapshot(replica->second.map(), request.have_keyframes);
   } else if (owner == request.asker && shelf_.replicas().IsEmpty(map)) {
@@ -299,7 +302,7 @@ void AtlasProcess::SendSnapshot(const Map& map, const std::vector<KeyFrameId>& h
   for (const MapDeltaChunk& chunk : SplitDelta(map.Snapshot(), kDeltaChunkElements)) delta_writer_->Write(chunk);
   ++snapshots_sent_;
   times_.Add("snapshot", stopwatch.Milliseconds());
-  spdlog::info("sent map {} at revision {} for its owner", ToString(map.id()), map.revision());
+  spdlog::info("sent map {} at revision {}", ToString(map.id()), map.revision());
 }
 
 Result<KeyFrameData> AtlasProcess::WholeData(const KeyFrameData& data) {

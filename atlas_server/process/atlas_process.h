@@ -92,6 +92,7 @@ class AtlasProcess {
   void SendSnapshot(const Map& map, const std::vector<KeyFrameId>& have);
   /// The whole data of a keyframe, from the store where memory has it bare.
   Result<KeyFrameData> WholeData(const KeyFrameData& data);
+  void TakeIn(StoredMap map, bool is_stored);
   void StoreAPiece();
   void DropWhatIsStored();
   void NoteStoreFailure(const Error& error);

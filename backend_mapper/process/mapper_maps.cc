@@ -61,9 +61,10 @@ void MapperProcess::Drop(MapId map) {
   KeepTimes(*mapper->second, &process_times_);
   mappers_.erase(mapper);
   if (state_.map != map) return;
-  state_.map = MapId();
-  state_.epoch = 0;
-  state_.revision = 0;
+  const Map* other = mappers_.empty() ? nullptr : &mappers_.rbegin()->second->map();
+  state_.map = other != nullptr ? other->id() : MapId();
+  state_.epoch = other != nullptr ? other->epoch() : 0;
+  state_.revision = other != nullptr ? other->revision() : 0;
 }
 
 void MapperProcess::KeepTimes(const LocalMapper& mapper, StageTimes* times) {

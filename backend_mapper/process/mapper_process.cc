@@ -138,6 +138,8 @@ void MapperProcess::OnKeyFrame(KeyFrameMessage message) {
 
 void MapperProcess::Take(LocalMapper* mapper, const KeyFrameMessage& message) {
   state_.map = message.map;
+  state_.epoch = mapper->map().epoch();
+  state_.revision = mapper->map().revision();
   stop_optimisation_ = false;
   PublishState(false);
   auto data = MakeKeyFrameData(message.data, nullptr);  // mapping asks for no words

@@ -112,9 +112,8 @@ void Map::ReplaceData(KeyFrameId id, std::shared_ptr<const KeyFrameData> data) {
   if (!keyframe.data->features.HasAppearance()) return;
   for (const MapPointId landmark : keyframe.landmarks) {
     MapPoint& point = points_.at(landmark);
-    if (point.descriptor == Descriptor()) MarkStale(&point, kDescriptorStale);
+    if (point.descriptor == Descriptor()) point.descriptor = keyframe.data->features.descriptors[point.FindObservation(id)->feature];
   }
-  RefreshDerived();
 }
 
 /// Of points none of whose keyframes has descriptors here.

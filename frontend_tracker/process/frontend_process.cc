@@ -88,7 +88,9 @@ void FrontendProcess::ConnectReaders() {
   readers_.push_back(bus_->CreateReader<FollowerState>([this](FollowerState state) {
     loop_->Post([this, state] {
       const bool is_mine = state.process.robot() == setup_.options.robot;
-      if (!is_mine && (!state.map.IsValid() || state.map != tracker_.active_map())) return;  // another robot's, in a map of its own
+      const bool is_of_mine = state.last_keyframe.robot() == setup_.options.robot && state.last_keyframe.IsValid();
+      const bool is_here = state.map.IsValid() && state.map == tracker_.active_map();
+      if (!is_mine && !is_of_mine && !is_here) return;  // another robot's, in a map of its own
       loop_closer_is_ready_ = loop_closer_is_ready_ || is_mine;
       followers_.OnState(state, SecondsNow());
       ReleasePumpIfReady();
@@ -325,7 +327,7 @@ bool FrontendProcess::IsWaitingForAtlas() const {
 }
 
 bool FrontendProcess::OthersAreDone() const {
-  return MapperIsDone() && followers_.AreDone(mapper_.map, mapper_.last_keyframe, SecondsNow());
+  return MapperIsDone() && followers_.AreDone(mapper_.last_keyframe, SecondsNow());
 }
 
 void FrontendProcess::ReleasePumpIfReady() {

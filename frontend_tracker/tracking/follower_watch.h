@@ -1,7 +1,7 @@
 #pragma once
 
+#include <deque>
 #include <map>
-#include <optional>
 
 #include "map/protocol.h"
 
@@ -14,14 +14,13 @@ class FollowerWatch {
   static constexpr double kStalledS = 5.0;   ///< one that does nothing and gets no further has missed the keyframe
 
   void OnState(const FollowerState& state, double now_s);
-  bool Knows(ProcessId process) const { return followers_.count(process) == 1; }
-  bool empty() const { return followers_.empty(); }
-  /// Whether nobody has to be waited for: each has looked at the map's last keyframe and is not busy.
-  bool AreDone(MapId map, KeyFrameId last_keyframe, double now_s) const;
+  /// Whether nobody has to be waited for: each has looked at the last keyframe and is not busy. One that has not looked at any yet came in between, and is
+  /// told of the next.
+  bool AreDone(KeyFrameId last_keyframe, double now_s) const;
 
  private:
   struct Follower {
-    std::map<MapId, KeyFrameId> last_keyframes;
+    std::deque<KeyFrameId> looked_at;  // the last ones: several robots' keyframes take turns
     bool is_busy = false;
     double heard_s = 0, changed_s = 0;
   };

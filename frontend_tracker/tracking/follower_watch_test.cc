@@ -6,13 +6,11 @@ namespace portolan {
 namespace {
 
 const ProcessId kLoopCloser(0, 1, 1), kAtlas(0, 2, 1);
-const MapId kMap(0, 3, 1), kOther(0, 3, 2);
 const KeyFrameId kFirst(0, 3, 1), kSecond(0, 3, 2);
 
-FollowerState StateOf(ProcessId process, MapId map, KeyFrameId last, bool is_busy = false) {
+FollowerState StateOf(ProcessId process, KeyFrameId last, bool is_busy = false) {
   FollowerState state;
   state.process = process;
-  state.map = map;
   state.last_keyframe = last;
   state.is_busy = is_busy;
   return state;
@@ -20,56 +18,54 @@ FollowerState StateOf(ProcessId process, MapId map, KeyFrameId last, bool is_bus
 
 TEST(FollowerWatch, WaitsForAllOfThem) {
   FollowerWatch watch;
-  EXPECT_TRUE(watch.AreDone(kMap, kFirst, 0));
-  watch.OnState(StateOf(kLoopCloser, kMap, kFirst), 0);
-  watch.OnState(StateOf(kAtlas, kMap, kFirst), 0);
-  EXPECT_TRUE(watch.AreDone(kMap, kFirst, 0.1));
-  EXPECT_FALSE(watch.AreDone(kMap, kSecond, 0.1));
-  watch.OnState(StateOf(kLoopCloser, kMap, kSecond), 0.2);
-  EXPECT_FALSE(watch.AreDone(kMap, kSecond, 0.2));
-  watch.OnState(StateOf(kAtlas, kMap, kSecond), 0.3);
-  EXPECT_TRUE(watch.AreDone(kMap, kSecond, 0.3));
+  EXPECT_TRUE(watch.AreDone(kFirst, 0));
+  watch.OnState(StateOf(kLoopCloser, kFirst), 0);
+  watch.OnState(StateOf(kAtlas, kFirst), 0);
+  EXPECT_TRUE(watch.AreDone(kFirst, 0.1));
+  EXPECT_FALSE(watch.AreDone(kSecond, 0.1));
+  watch.OnState(StateOf(kLoopCloser, kSecond), 0.2);
+  EXPECT_FALSE(watch.AreDone(kSecond, 0.2));
+  watch.OnState(StateOf(kAtlas, kSecond), 0.3);
+  EXPECT_TRUE(watch.AreDone(kSecond, 0.3));
 }
 
 TEST(FollowerWatch, WaitsWhileOneIsBusy) {
   FollowerWatch watch;
   for (double now_s = 0; now_s < 60; ++now_s) {
-    watch.OnState(StateOf(kAtlas, kMap, kFirst, true), now_s);
-    EXPECT_FALSE(watch.AreDone(kMap, kFirst, now_s));
+    watch.OnState(StateOf(kAtlas, kFirst, true), now_s);
+    EXPECT_FALSE(watch.AreDone(kFirst, now_s));
   }
 }
 
 TEST(FollowerWatch, NotForOneThatIsGone) {
   FollowerWatch watch;
-  watch.OnState(StateOf(kAtlas, kMap, kFirst, true), 0);
-  EXPECT_FALSE(watch.AreDone(kMap, kSecond, 2.9));
-  EXPECT_TRUE(watch.AreDone(kMap, kSecond, 3.1));
+  watch.OnState(StateOf(kAtlas, kFirst, true), 0);
+  EXPECT_FALSE(watch.AreDone(kSecond, 2.9));
+  EXPECT_TRUE(watch.AreDone(kSecond, 3.1));
 }
 
 TEST(FollowerWatch, NotForOneThatGetsNoFurther) {
   FollowerWatch watch;
   for (double now_s = 0; now_s <= 5; ++now_s) {
-    watch.OnState(StateOf(kAtlas, kMap, kFirst), now_s);
-    EXPECT_FALSE(watch.AreDone(kMap, kSecond, now_s));
+    watch.OnState(StateOf(kAtlas, kFirst), now_s);
+    EXPECT_FALSE(watch.AreDone(kSecond, now_s));
   }
-  watch.OnState(StateOf(kAtlas, kMap, kFirst), 6);
-  EXPECT_TRUE(watch.AreDone(kMap, kSecond, 6));
+  watch.OnState(StateOf(kAtlas, kFirst), 6);
+  EXPECT_TRUE(watch.AreDone(kSecond, 6));
 }
 
 TEST(FollowerWatch, NotForOneThatCameInBetween) {
   FollowerWatch watch;
-  watch.OnState(StateOf(kLoopCloser, MapId(), KeyFrameId()), 0);
-  EXPECT_TRUE(watch.AreDone(kMap, kFirst, 0));
+  watch.OnState(StateOf(kLoopCloser, KeyFrameId()), 0);
+  EXPECT_TRUE(watch.AreDone(kFirst, 0));
 }
 
-TEST(FollowerWatch, ANewMapIsYetToComeToOneThatKnowsOthers) {
+TEST(FollowerWatch, RemembersWhatCameBeforeAnotherRobotsKeyFrame) {
   FollowerWatch watch;
-  watch.OnState(StateOf(kLoopCloser, kOther, kFirst), 0);
-  EXPECT_FALSE(watch.AreDone(kMap, kSecond, 0));
-  watch.OnState(StateOf(kLoopCloser, kMap, kSecond), 0.1);
-  EXPECT_TRUE(watch.AreDone(kMap, kSecond, 0.1));
-  // And back: what it last said of the other map holds.
-  EXPECT_TRUE(watch.AreDone(kOther, kFirst, 0.2));
+  watch.OnState(StateOf(kAtlas, kFirst), 0);
+  watch.OnState(StateOf(kAtlas, KeyFrameId(4, 1, 1)), 0.1);
+  EXPECT_TRUE(watch.AreDone(kFirst, 0.2));
+  EXPECT_FALSE(watch.AreDone(kSecond, 0.2));
 }
 
 }  // namespace

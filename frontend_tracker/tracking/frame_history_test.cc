@@ -106,5 +106,43 @@ TEST_F(FrameHistoryTest, APoseIsUnknownWithoutItsAnchor) {
   EXPECT_FALSE(FrameHistory::CameraFromMap(Map(map_.id(), 1), history_.records().at(7)).has_value());
 }
 
+TEST_F(FrameHistoryTest, FramesPassToTheMapThatTookTheirsIn) {
+  const Frame frame = MakeFrame(7, 2);
+  history_.Add(map_, frame, true);
+  // The same keyframes in another map: turned, shifted, and twice as long.
+  const Sim3d map_from_other(2, ExpSO3({0.1, 0.5, -0.2}), {3, 1, 2});
+  MapBuilderOptions builder;
+  builder.map = MapId(0, 1, 9);
+  builder.num_keyframes = 5;
+  builder.map_from_world = map_from_other;
+  Map fused = BuildMap(scene_, builder);
+  history_.Fuse(fused.id(), map_.id(), map_from_other);
+  const FrameRecord& record = history_.records().at(7);
+  EXPECT_EQ(record.map, fused.id());
+  const Rigid3d expected = TransformPose(frame.camera_from_map, map_from_other);
+  const PoseTolerance tolerance{1e-6, 1e-5};
+  EXPECT_THAT(FrameHistory::CameraFromMap(fused, record).value(), RigidNear(expected, tolerance));
+  EXPECT_THAT(record.online_camera_from_map, RigidNear(expected, tolerance));
+}
+
+TEST_F(FrameHistoryTest, AKeyFrameRemovedAheadOfTheFusionLosesNoFrame) {
+  const Frame frame = MakeFrame(7, 3);
+  history_.Add(map_, frame, true);
+  const Sim3d map_from_other(0.5, ExpSO3({0, 0.5, 0}), {0, 1, 0});
+  MapBuilderOptions builder;
+  builder.map = MapId(0, 1, 9);
+  builder.num_keyframes = 5;
+  builder.map_from_world = map_from_other;
+  Map fused = BuildMap(scene_, builder);
+  fused.RemoveKeyFrame(Id(3));
+  history_.OnDelta(fused, fused.TakeDelta());
+  EXPECT_EQ(history_.records().at(7).anchor, Id(3)) << "in its own map it is still there";
+  history_.Fuse(fused.id(), map_.id(), map_from_other);
+  EXPECT_EQ(history_.records().at(7).anchor, Id(2));
+  const auto pose = FrameHistory::CameraFromMap(fused, history_.records().at(7));
+  ASSERT_TRUE(pose);
+  EXPECT_THAT(*pose, RigidNear(TransformPose(frame.camera_from_map, map_from_other), (PoseTolerance{1e-6, 1e-5})));
+}
+
 }  // namespace
 }  // namespace portolan

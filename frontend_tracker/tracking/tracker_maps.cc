@@ -1,5 +1,7 @@
 // Going from map to map (paper Sec. 3.4 and 6, the tracker's part): over into another one, and along when two are fused.
 
+#include <spdlog/spdlog.h>
+
 #include <algorithm>
 #include <cstdlib>
 #include <utility>
@@ -13,6 +15,7 @@ constexpr int kMoveFrames = 30;                // tried, before a move is given 
 constexpr double kSnapshotPatienceS = 10.0;    // for the map itself to come
 constexpr int kWordsEvery = 5;                 // frames near the predicted pose that fail, to one by words
 constexpr size_t kLinkedMapsPerFrame = 2;      // tried by their Sim3
+constexpr int kFailedFramesFirst = 2;          // a picture or two that the active map does not explain are no reason to leave it
 constexpr size_t kMapsByWordsPerFrame = 2;     // tried by words: the rest has its turn with later frames
 constexpr double kMinShareOfPoints = 0.5;      // that a linked map must have of the points which the full map tracks, to be gone over into
 
@@ -121,6 +124,7 @@ bool Tracker::TryPlannedMove(Frame* frame, bool is_tracked) {
 void Tracker::GiveUpMove(const std::string& reason) {
   const PlannedMove move = *move_;
   move_.reset();
+  spdlog::info("does not go into map {}: {}", ToString(move.target), reason);
   if (!move.by_command) return;
   ++events_.refusals;
   AskAtlas("refuse_map", move.target, active_map_, std::nullopt, reason);
@@ -129,6 +133,7 @@ void Tracker::GiveUpMove(const std::string& reason) {
 /// Tries maps whose place relative to this one is known. With a frame that is tracked: only one that is better than the full map here.
 bool Tracker::GoOnInLinkedMap(Frame* frame, bool is_tracked) {
   if (move_ && !is_tracked && TryPlannedMove(frame, false)) return true;
+  if (!is_tracked && lost_frames_ < kFailedFramesFirst) return false;
   size_t tried = 0;
   for (const MapId id : links_.Reachable(active_map_)) {
     const Map* map = maps_.Find(id);
@@ -200,6 +205,8 @@ void Tracker::GoOver(MapId target, Frame moved, const Frame* before, const std::
         {MakeOverlap({map, moved.camera_from_map, moved.landmarks}, {ActiveMap(), before->camera_from_map, before->landmarks})});
     if (measured) link = measured;
   }
+  spdlog::info("frame {}: goes on in map {}, left {}: {} points there, {}", moved.number, ToString(target), ToString(left), moved.num_inliers,
+               link ? "scale " + std::to_string(link->scale) : "no link");
   if (link && left.IsValid() && !links_.AreLinked(target, left)) {
     links_.Link({target, moved.reference}, {left, before != nullptr ? before->reference : reference_keyframe_}, *link);
   }
@@ -208,6 +215,7 @@ void Tracker::GoOver(MapId target, Frame moved, const Frame* before, const std::
     velocity_model_.MoveWithMap(LinkThroughCamera(moved.camera_from_map, before->camera_from_map, link->scale));
   } else {
     velocity_model_.Reset();
+    if (before != nullptr) velocity_model_.Update(moved.stamp, moved.camera_from_map);
   }
   if (!is_new_map) {
     AskAtlas("enter_map", target, link ? left : MapId(), link, "");

@@ -1,5 +1,7 @@
 // New maps: choosing the two frames (paper Sec. 4.1, first step; Sec. 3.4), and taking up tracking when the mapper has made the map.
 
+#include <spdlog/spdlog.h>
+
 #include <algorithm>
 #include <utility>
 
@@ -136,6 +138,11 @@ std::optional<Sim3d> Tracker::LinkNewMap(MapId id, MapId old_id, const MapBeginn
     last = frame;
   }
   const std::optional<Sim3d> link = MeasureLink(overlaps);
+  std::string common;
+  for (const Overlap& overlap : overlaps) common += " " + std::to_string(overlap.depths.size());
+  spdlog::info("new map {} of frames {} and {}: {} points, in common with map {}:{}; {}", ToString(id), frames.first.number, frames.second.number,
+               maps_.map(id).points().size(), ToString(old_id), common.empty() ? " nothing" : common,
+               link ? "scale " + std::to_string(link->scale) : "no link");
   if (!link) return std::nullopt;
   links_.Link({id, last->data->id}, {old_id, last->reference}, *link);
   AskAtlas("link_maps", id, old_id, link, "");

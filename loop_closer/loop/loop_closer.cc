@@ -33,13 +33,10 @@ void LoopCloser::OnMapperState(const MapperState& state) {
   if (state.correction_process == process_) OnAnswered(state);
   if (!state.last_keyframe.IsValid()) return;
   if (!is_mine) {  // a keyframe of this robot's tracker in another's map is looked at there
-    if (state.last_keyframe.robot() == process_.robot()) last_keyframe_ = state.last_keyframe;
+    if (state.last_keyframe.robot() == process_.robot()) NoteLookedAt(state.map, state.last_keyframe);
     return;
   }
-  if (!options_.enabled) {
-    last_keyframe_ = state.last_keyframe;
-    return;
-  }
+  if (!options_.enabled) return NoteLookedAt(state.map, state.last_keyframe);
   if (state.last_keyframe == last_keyframe_ || (!ready_.empty() && ready_.back().keyframe == state.last_keyframe)) return;
   ready_.push_back({state.map, state.last_keyframe, state.revision});
   while (static_cast<int>(ready_.size()) > options_.max_waiting) {
@@ -130,8 +127,13 @@ bool LoopCloser::IsSettled() const {
   return !corrected_map_.IsValid() || !IsMine(corrected_map_) || !follower_.IsFollowed(corrected_map_) || Has(corrected_map_, corrected_revision_);
 }
 
+void LoopCloser::NoteLookedAt(MapId map, KeyFrameId keyframe) {
+  last_map_ = map;
+  last_keyframe_ = keyframe;
+}
+
 void LoopCloser::LookAt(const Ready& ready) {
-  last_keyframe_ = ready.keyframe;
+  NoteLookedAt(ready.map, ready.keyframe);
   if (ready.revision == 0 || !IsAtHand(ready.map)) return;  // of a map that has not begun, or passed on
   const Map& map = follower_.map(ready.map);
   if (map.FindKeyFrame(ready.keyframe) == nullptr) return;  // refused, or pruned since

@@ -79,8 +79,10 @@ class LoopCloser {
   void ForgetCorrection(const std::string& reason);
   bool AwaitsAnswer() const { return proposal_.has_value(); }
 
-  /// For lockstep: the last keyframe looked at, and whether something of it is still under way.
+  /// For lockstep: the last keyframe looked at (or passed over), the map it came in, and whether something of it is still
+  /// under way.
   KeyFrameId last_keyframe() const { return last_keyframe_; }
+  MapId last_map() const { return last_map_; }
   bool is_busy() const { return running_ || proposal_ || outbox_ || closing_ || wants_global_ || !ready_.empty(); }
 
   const std::vector<ClosureRecord>& closures() const { return closures_; }
@@ -115,6 +117,7 @@ class LoopCloser {
   };
 
   void LookAt(const Ready& ready);
+  void NoteLookedAt(MapId map, KeyFrameId keyframe);
   void NoteRefusals(const Map& map, const std::vector<LoopRefusal>& refusals);
   void OnLoop(const Map& map, const DetectedLoop& loop);
   void OnAnswered(const MapperState& state);
@@ -138,6 +141,7 @@ class LoopCloser {
   std::map<MapId, Owner> owners_;
   std::deque<Ready> ready_;
   KeyFrameId last_keyframe_;
+  MapId last_map_;
 
   std::optional<DetectedLoop> closing_;  // detected, its correction not in the map yet
   MapId closing_map_;

@@ -186,6 +186,7 @@ TEST_F(LoopCloserTest, KeyFramesOfNoMapAreAnsweredFor) {
   closer_.OnMapperState(first);
   closer_.Update();
   EXPECT_EQ(closer_.last_keyframe(), first.last_keyframe);
+  EXPECT_EQ(closer_.last_map(), first.map);
   EXPECT_FALSE(closer_.is_busy());
 }
 

@@ -70,6 +70,8 @@ class MapFollower {
   /// By map, of the replicas as they are: equal to the owner's for an equal map.
   std::map<MapId, uint64_t> Hashes() const;
 
+  /// Null if it is not here.
+  const Map* Find(MapId id) const { return IsHere(id) ? &map(id) : nullptr; }
   const Map& map(MapId id) const { return replicas_.replicas().at(id).map(); }
   const KeyFrameIndex& index() const { return index_; }
   MapReplica::Counters counters() const { return replicas_.counters(); }

@@ -122,17 +122,15 @@ void LoopProcess::StartJob(LoopCloser::Job job) {
 }
 
 void LoopProcess::PublishState() {
-  FollowerState state = state_;
-  state.map = closer_.follower().active_map();
-  if (state.map.IsValid()) {
-    const Map& map = closer_.follower().map(state.map);
-    state.epoch = map.epoch();
-    state.revision = map.revision();
-  }
-  state.last_keyframe = closer_.last_keyframe();
-  state.is_busy = closer_.is_busy();
-  if (state.last_keyframe == state_.last_keyframe && state.is_busy == state_.is_busy) return;
-  state_ = state;
+  const MapId map = closer_.last_map();
+  const bool is_new = map != state_.map || closer_.last_keyframe() != state_.last_keyframe || closer_.is_busy() != state_.is_busy;
+  if (!is_new) return;
+  const Map* replica = closer_.follower().Find(map);
+  state_.map = map;
+  state_.epoch = replica != nullptr ? replica->epoch() : 0;
+  state_.revision = replica != nullptr ? replica->revision() : 0;
+  state_.last_keyframe = closer_.last_keyframe();
+  state_.is_busy = closer_.is_busy();
   state_writer_->Write(state_);
 }
 
