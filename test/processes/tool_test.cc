@@ -34,10 +34,11 @@ class ToolTest : public DeploymentTest {
     EXPECT_FALSE(json.is_discarded()) << ended.output;
     return json;
   }
-  /// A file with one map. @return the map.
+  /// A file with one map, of more keyframes than are kept of those that are in no map (ReplicaSet). @return the map.
   Map WriteMap(const std::string& path) const {
     Map map(MapId(0, 0xabcdef, 1), 3);
     RandomEdits edits(7, &map);
+    for (int i = 0; i < 60; ++i) edits.Edit(RandomEdits::kAddKeyFrame);
     for (int i = 0; i < 300; ++i) edits.Next();
     static_cast<void>(map.TakeDelta());
     EXPECT_TRUE(WriteMapFile(path, {&map}).ok());
