@@ -12,8 +12,8 @@
 #include "base/random.h"
 #include "map/random_edits.h"
 
-// kill -9 in the middle of writing: a child process writes maps as fast as it can and tells through a pipe what it is about to
-// do and what was acknowledged; it is killed at a random moment, fifty times on the same file.
+// kill -9 in the middle of writing: a child process writes maps as fast as it can and tells through a pipe what it is
+// about to do and what was acknowledged; it is killed at a random moment, fifty times on the same file.
 
 namespace portolan {
 namespace {
@@ -50,7 +50,8 @@ struct Note {
       tell({Event::kWriting, map.id(), map.revision(), HashMap(map)});
       MapStore::Graph graph;
       graph.activities = {{map.id(), MapId(0, session, 0xffffff), map.revision()}};
-      if (!(*store)->SaveKeyFrames(data).ok() || !(*store)->SaveMap(map.Snapshot()).ok() || !(*store)->SaveGraph(graph).ok())
+      if (!(*store)->SaveKeyFrames(data).ok() || !(*store)->SaveMap(map.Snapshot()).ok() ||
+          !(*store)->SaveGraph(graph).ok())
         _exit(5);
       tell({Event::kWritten, map.id(), map.revision(), HashMap(map)});
     }
@@ -91,7 +92,8 @@ class Expectation {
       if (stored.count(id) == 1) {
         CompareMap(*stored.at(id), &known);
       } else {
-        EXPECT_TRUE(known.acknowledged == 0 || known.may_be_gone) << "map " << id << " was acknowledged and is not there";
+        EXPECT_TRUE(known.acknowledged == 0 || known.may_be_gone)
+            << "map " << id << " was acknowledged and is not there";
         known.is_gone = true;
       }
     }
@@ -125,7 +127,8 @@ class Expectation {
 /// Reads notes until the deadline, or the end of the pipe. @return whether it goes on.
 bool ReadNotes(int pipe, std::chrono::steady_clock::time_point deadline, Expectation* expectation) {
   for (;;) {
-    const auto left = std::chrono::duration_cast<std::chrono::microseconds>(deadline - std::chrono::steady_clock::now()).count();
+    const auto left =
+        std::chrono::duration_cast<std::chrono::microseconds>(deadline - std::chrono::steady_clock::now()).count();
     if (left <= 0) return true;
     const timespec timeout{left / 1000000, left % 1000000 * 1000};
     pollfd ready{pipe, POLLIN, 0};
@@ -155,13 +158,15 @@ TEST(MapStoreKillTest, WhatWasAcknowledgedIsThereAfterFiftyKills) {
       WriteMapsForEver(path, static_cast<uint32_t>(round), seed, ends[1]);
     }
     close(ends[1]);
-    // The moment counts from the first note: before that the file is only being opened, which every fifth round ends too.
+    // The moment counts from the first note: before that the file is only being opened, which every fifth round ends
+    // too.
     const auto now = std::chrono::steady_clock::now();
     const bool while_opening = round % 5 == 0;
     if (while_opening || ReadNotes(ends[0], now, &expectation)) {
       Note first;
       if (!while_opening && read(ends[0], &first, sizeof first) == sizeof first) expectation.Hear(first);
-      const auto moment = std::chrono::steady_clock::now() + std::chrono::microseconds(while_opening ? delay_us / 10 : delay_us);
+      const auto moment =
+          std::chrono::steady_clock::now() + std::chrono::microseconds(while_opening ? delay_us / 10 : delay_us);
       EXPECT_TRUE(ReadNotes(ends[0], moment, &expectation)) << "the writer ended by itself";
     }
     ASSERT_EQ(kill(child, SIGKILL), 0);

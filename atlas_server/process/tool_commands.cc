@@ -16,7 +16,7 @@
 namespace portolan {
 namespace {
 
-constexpr double kRatesS = 3.0;   // three statuses of each process, one a second
+constexpr double kRatesS = 3.0;    // three statuses of each process, one a second
 constexpr double kRefreshS = 1.0;  // of --watch
 
 void Print(const std::string& text) {
@@ -24,7 +24,9 @@ void Print(const std::string& text) {
   std::fflush(stdout);
 }
 
-void PrintOk(const Reply& reply) { Print(reply.text.empty() ? "ok\n" : "ok: " + reply.text + "\n"); }
+void PrintOk(const Reply& reply) {
+  Print(reply.text.empty() ? "ok\n" : "ok: " + reply.text + "\n");
+}
 
 /// The list, and in it the map that a name means.
 Result<std::pair<MapList, MapId>> Choose(ToolSession* session, const std::string& name) {
@@ -50,14 +52,16 @@ Result<MapId> ChooseActive(ToolSession* session, const std::string& robot) {
     if (entry.is_active && (robot.empty() || std::to_string(entry.robot) == robot)) active.push_back(entry.map);
   }
   if (active.size() == 1) return active[0];
-  return session->Fail(kExitBadInput, active.empty() ? "no map is active: name one" : std::to_string(active.size()) + " maps are active: name one");
+  return session->Fail(kExitBadInput, active.empty() ? "no map is active: name one"
+                                                     : std::to_string(active.size()) + " maps are active: name one");
 }
 
 }  // namespace
 
 Status ShowStatus(ToolSession* session, const ToolArguments& arguments) {
   const StatusBook& book = session->book();
-  if (!session->Listen(session->timeout_s(), [&] { return book.size() > 0; })) return session->Fail(kExitUnreachable, "no process was heard");
+  if (!session->Listen(session->timeout_s(), [&] { return book.size() > 0; }))
+    return session->Fail(kExitUnreachable, "no process was heard");
   const auto show = [&] {
     const double now_s = ToolSession::Now();
     Print(arguments.json ? book.ToJson(now_s).dump(arguments.watch ? -1 : 2) + "\n" : book.Format(now_s));
@@ -95,7 +99,8 @@ Status ShowGraph(ToolSession* session, const ToolArguments& arguments) {
   const Result<DescribedGraph> graph = ParseMapGraph(reply->text);
   if (!graph) return graph.error();
   if (!arguments.dot.empty()) {
-    if (Status written = WriteFileAtomically(arguments.dot, ToDot(graph->graph, graph->labels)); !written) return written;
+    if (Status written = WriteFileAtomically(arguments.dot, ToDot(graph->graph, graph->labels)); !written)
+      return written;
   }
   if (!arguments.picture.empty()) {
     if (Status written = DrawMapGraph(*graph).Write(arguments.picture); !written) return written;
@@ -117,8 +122,9 @@ Status ExportMap(ToolSession* session, const ToolArguments& arguments) {
   for (const auto& [path, write] : forms) {
     if (path.empty()) continue;
     if (Status written = write(path); !written) return written;
-    Print("map " + ToString(map->id()) + " at revision " + std::to_string(map->revision()) + ", " + std::to_string(map->keyframes().size()) +
-          " keyframes, " + std::to_string(map->points().size()) + " points: " + path + "\n");
+    Print("map " + ToString(map->id()) + " at revision " + std::to_string(map->revision()) + ", " +
+          std::to_string(map->keyframes().size()) + " keyframes, " + std::to_string(map->points().size()) +
+          " points: " + path + "\n");
   }
   return Ok{};
 }
@@ -128,7 +134,8 @@ Status LoadMaps(ToolSession* session, const ToolArguments& arguments) {
   if (!arguments.there) {
     const auto atlas = [&] { return session->book().Find("atlas_server"); };
     if (session->Listen(session->timeout_s(), [&] { return atlas() != nullptr; }) && atlas()->host != HostName()) {
-      return session->Fail(kExitBadInput, "the atlas_server runs on host '" + atlas()->host + "', this is '" + HostName() +
+      return session->Fail(kExitBadInput, "the atlas_server runs on host '" + atlas()->host + "', this is '" +
+                                              HostName() +
                                               "': copy the file there and give its path on that host, with --there");
     }
     if (access(path.c_str(), R_OK) != 0) return session->Fail(kExitBadInput, "'" + path + "' can't be read");

@@ -8,15 +8,15 @@ namespace portolan {
 
 /// What the command line asks for.
 struct ToolArguments {
-  std::string map, other;     ///< names of maps; empty where not given
-  std::string file;           ///< load
-  std::string ply, tum, pmap; ///< export: files to write
-  std::string dot, picture;   ///< graph: files to write
-  std::string robot;          ///< number of the robot meant; empty: the atlas_server finds the one there is
-  bool json = false;          ///< status, maps, graph
-  bool names = false;         ///< maps: for the shell's completion
-  bool watch = false;         ///< status
-  bool there = false;         ///< load: the file is on the atlas_server's machine
+  std::string map, other;      ///< names of maps; empty where not given
+  std::string file;            ///< load
+  std::string ply, tum, pmap;  ///< export: files to write
+  std::string dot, picture;    ///< graph: files to write
+  std::string robot;           ///< number of the robot meant; empty: the atlas_server finds the one there is
+  bool json = false;           ///< status, maps, graph
+  bool names = false;          ///< maps: for the shell's completion
+  bool watch = false;          ///< status
+  bool there = false;          ///< load: the file is on the atlas_server's machine
 };
 
 // Commands of the tool. They print their result on standard output; a failure goes to the caller, its exit code to the

@@ -29,12 +29,18 @@ int Complain(int code, const std::string& message) {
 
 void AddCommonOptions(CLI::App* app, ToolOptions* options) {
   app->add_option("--config", options->config_file, "YAML file of the run (docs/configuration.md)");
-  app->add_option("--set", options->sets, "one value over the file: section.key=value (repeatable)")->take_all()->expected(1)->allow_extra_args(false);
+  app->add_option("--set", options->sets, "one value over the file: section.key=value (repeatable)")
+      ->take_all()
+      ->expected(1)
+      ->allow_extra_args(false);
   const auto flag_for = [&](const char* flag, const char* key, const char* help) {
     return app->add_option_function<std::string>(
-        flag, [options, key](const std::string& value) { options->assignments.push_back(std::string(key) + "=" + value); }, help);
+        flag,
+        [options, key](const std::string& value) { options->assignments.push_back(std::string(key) + "=" + value); },
+        help);
   };
-  flag_for("--domain", "dds.domain", "DDS domain, 0 to 230 (default: $PORTOLAN_DOMAIN, or 0)")->envname("PORTOLAN_DOMAIN");
+  flag_for("--domain", "dds.domain", "DDS domain, 0 to 230 (default: $PORTOLAN_DOMAIN, or 0)")
+      ->envname("PORTOLAN_DOMAIN");
   flag_for("--dds", "dds.vendor", "fastdds or cyclonedds (default fastdds)");
   flag_for("--partition", "dds.partition", "of robots that share an atlas_server (default robot_N)");
   app->add_option_function<std::string>(
@@ -44,7 +50,8 @@ void AddCommonOptions(CLI::App* app, ToolOptions* options) {
         options->arguments.robot = value;
       },
       "number of the robot meant");
-  app->add_option("--timeout", options->timeout_s, "seconds to wait for an answer (default 5)")->check(CLI::Range(0.1, 3600.0));
+  app->add_option("--timeout", options->timeout_s, "seconds to wait for an answer (default 5)")
+      ->check(CLI::Range(0.1, 3600.0));
   app->add_option("--log-level", options->log_level, "of the tool's own messages (default error)");
 }
 
@@ -58,7 +65,8 @@ Command RequestOf(const char* kind) {
   return [kind](ToolSession* session, const ToolArguments& arguments) { return SendRequest(session, kind, arguments); };
 }
 Command MapRequestOf(const char* kind) {
-  return [kind](ToolSession* session, const ToolArguments& arguments) { return SendMapRequest(session, kind, arguments); };
+  return
+      [kind](ToolSession* session, const ToolArguments& arguments) { return SendMapRequest(session, kind, arguments); };
 }
 
 constexpr const char* kMapHelp = "its name, its number, a unique beginning or end of the name, or 'last'";
@@ -99,7 +107,9 @@ void AddMapCommands(CLI::App* app, ToolOptions* options) {
   auto* fuse = AddCommand(app, options, "fuse", "take OTHER into MAP", MapRequestOf("fuse"));
   fuse->add_option("MAP", arguments.map, kMapHelp)->required();
   fuse->add_option("OTHER", arguments.other, "the map that goes into it")->required();
-  AddCommand(app, options, "delete", "forget a map for ever", MapRequestOf("delete_map"))->add_option("MAP", arguments.map, kMapHelp)->required();
+  AddCommand(app, options, "delete", "forget a map for ever", MapRequestOf("delete_map"))
+      ->add_option("MAP", arguments.map, kMapHelp)
+      ->required();
   AddCommand(app, options, "global-ba", "adjust all of a map", MapRequestOf("global_ba"))
       ->add_option("MAP", arguments.map, "default: the active one");
 }
@@ -108,14 +118,18 @@ void AddRobotCommands(CLI::App* app, ToolOptions* options) {
   AddCommand(app, options, "new-map", "the robot begins a new map", RequestOf("start_map"));
   AddCommand(app, options, "pause", "the robot takes no more frames", RequestOf("pause"));
   AddCommand(app, options, "resume", "it does again", RequestOf("resume"));
-  auto* localize = AddCommand(app, options, "localize-only", "on: the robot localises and changes no map; off: it maps again", {});
+  auto* localize =
+      AddCommand(app, options, "localize-only", "on: the robot localises and changes no map; off: it maps again", {});
   auto* is_on = localize->add_option("SWITCH", "on or off")->required()->check(CLI::IsMember({"on", "off"}));
-  localize->callback([options, is_on] { options->command = RequestOf(is_on->as<std::string>() == "on" ? "localize_only" : "map_again"); });
+  localize->callback([options, is_on] {
+    options->command = RequestOf(is_on->as<std::string>() == "on" ? "localize_only" : "map_again");
+  });
 }
 
 /// The options that the tool shares with the processes, from file and command line.
 Status ReadShared(const ToolOptions& options, ProcessOptions* shared) {
-  Result<ConfigReader> config = options.config_file.empty() ? Result<ConfigReader>(ConfigReader()) : ConfigReader::FromFile(options.config_file);
+  Result<ConfigReader> config =
+      options.config_file.empty() ? Result<ConfigReader>(ConfigReader()) : ConfigReader::FromFile(options.config_file);
   if (!config) return config.error();
   for (const auto* list : {&options.assignments, &options.sets}) {
     for (const std::string& assignment : *list) {
@@ -151,12 +165,15 @@ int Main(int argc, char** argv) {
   ToolSession session(bus->get(), shared.robot, options.timeout_s);
   const Status done = options.command(&session, options.arguments);
   if (done) return kExitOk;
-  const std::string where =
-      session.exit_code() == kExitUnreachable ? " (domain " + std::to_string(shared.bus.domain) + ", partition " + shared.bus.partition + ")" : "";
+  const std::string where = session.exit_code() == kExitUnreachable ? " (domain " + std::to_string(shared.bus.domain) +
+                                                                          ", partition " + shared.bus.partition + ")"
+                                                                    : "";
   return Complain(session.exit_code(), done.error().message + where);
 }
 
 }  // namespace
 }  // namespace portolan
 
-int main(int argc, char** argv) { return portolan::Main(argc, argv); }
+int main(int argc, char** argv) {
+  return portolan::Main(argc, argv);
+}

@@ -7,10 +7,10 @@
 namespace portolan {
 namespace {
 
-constexpr size_t kInboxCapacity = 4096;   // a map's keyframes come faster than they are taken in
-constexpr double kRepeatS = 1.0;          // between two tries of a request
-constexpr double kMatchPauseS = 0.02;     // between two looks whether the other side was discovered
-constexpr double kStalledS = 1.5;         // without news of a map: what was lost on the way is asked for again
+constexpr size_t kInboxCapacity = 4096;  // a map's keyframes come faster than they are taken in
+constexpr double kRepeatS = 1.0;         // between two tries of a request
+constexpr double kMatchPauseS = 0.02;    // between two looks whether the other side was discovered
+constexpr double kStalledS = 1.5;        // without news of a map: what was lost on the way is asked for again
 
 }  // namespace
 
@@ -33,7 +33,8 @@ Error ToolSession::Fail(ExitCode code, std::string message) {
 }
 
 bool ToolSession::HandleNext(double until_s) {
-  const auto deadline = Clock::time_point(std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(until_s)));
+  const auto deadline =
+      Clock::time_point(std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(until_s)));
   auto event = inbox_.PopUntil(deadline);
   if (event) (*event)();
   return event.has_value();
@@ -59,7 +60,9 @@ Result<Reply> ToolSession::Ask(const std::string& kind, MapId map, MapId other, 
     }
     HandleNext(std::min(is_matched ? next_try_s : Now() + kMatchPauseS, deadline_s));
   }
-  if (!reply_) return Fail(kExitUnreachable, "no atlas_server answered within " + std::to_string(static_cast<int>(timeout_s_)) + " s");
+  if (!reply_)
+    return Fail(kExitUnreachable,
+                "no atlas_server answered within " + std::to_string(static_cast<int>(timeout_s_)) + " s");
   if (!reply_->ok) return Fail(kExitRefused, reply_->reason);
   return *reply_;
 }
@@ -82,8 +85,9 @@ Result<DescribedGraph> ToolSession::FetchGraph() {
 
 bool ToolSession::Listen(double timeout_s, const std::function<bool()>& done) {
   if (!status_reader_) {
-    status_reader_ = bus_->CreateReader<ProcessStatus>(
-        [this](ProcessStatus status) { inbox_.Push([this, status = std::move(status)] { book_.Hear(status, Now()); }); });
+    status_reader_ = bus_->CreateReader<ProcessStatus>([this](ProcessStatus status) {
+      inbox_.Push([this, status = std::move(status)] { book_.Hear(status, Now()); });
+    });
   }
   const double deadline_s = Now() + timeout_s;
   while (!done() && Now() < deadline_s) HandleNext(deadline_s);
@@ -96,7 +100,8 @@ Result<Map> ToolSession::FetchMap(const MapList::Entry& entry) {
     MapReplica replica;
     DeltaAssembler assembler;
   };
-  const auto copy = std::make_shared<Copy>(Copy{MapReplica(entry.map), DeltaAssembler()});  // events that are left over have it too
+  const auto copy =
+      std::make_shared<Copy>(Copy{MapReplica(entry.map), DeltaAssembler()});  // events that are left over have it too
   MapReplica& replica = copy->replica;
   const auto keyframe_reader = bus_->CreateReader<KeyFrameMessage>([this, copy](KeyFrameMessage message) {
     if (message.map != copy->replica.map().id()) return;
@@ -114,12 +119,14 @@ Result<Map> ToolSession::FetchMap(const MapList::Entry& entry) {
   for (;;) {
     replica.ApplyPending();
     const Map& map = replica.map();
-    if (std::pair(map.epoch(), map.revision()) >= std::pair(entry.epoch, entry.revision) && map.revision() > 0) return map;
+    if (std::pair(map.epoch(), map.revision()) >= std::pair(entry.epoch, entry.revision) && map.revision() > 0)
+      return map;
     if (Now() - last_news_s > timeout_s_) {
       return Fail(kExitUnreachable, "map " + ToString(entry.map) + ": its owner does not send it" +
                                         (replica.last_problem().empty() ? "" : " whole: " + replica.last_problem()));
     }
-    const bool is_matched = request_writer->MatchedReaders() > 0 && keyframe_reader->MatchedWriters() > 0 && delta_reader->MatchedWriters() > 0;
+    const bool is_matched = request_writer->MatchedReaders() > 0 && keyframe_reader->MatchedWriters() > 0 &&
+                            delta_reader->MatchedWriters() > 0;
     if (is_matched && Now() >= next_request_s) {
       request_writer->Write(replica.MakeRequest(self_));
       next_request_s = Now() + kStalledS;

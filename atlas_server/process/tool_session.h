@@ -17,8 +17,8 @@
 
 namespace portolan {
 
-/// A tool's part in a deployment, for as long as one command takes: asks the atlas_server, listens to what processes tell
-/// of themselves, fetches maps from whoever owns them. One thread; what comes is handled while it waits.
+/// A tool's part in a deployment, for as long as one command takes: asks the atlas_server, listens to what processes
+/// tell of themselves, fetches maps from whoever owns them. One thread; what comes is handled while it waits.
 class ToolSession {
  public:
   /// @param timeout_s how long it waits for an answer.
@@ -26,7 +26,8 @@ class ToolSession {
 
   /// Repeats the request each second until it is answered. Fails with the atlas_server's reason (exit_code() is then
   /// kExitRefused), or when none answers (kExitUnreachable).
-  Result<Reply> Ask(const std::string& kind, MapId map = MapId(), MapId other = MapId(), const std::string& argument = "");
+  Result<Reply> Ask(const std::string& kind, MapId map = MapId(), MapId other = MapId(),
+                    const std::string& argument = "");
   Result<MapList> ListMaps();
   Result<DescribedGraph> FetchGraph();
 

@@ -70,7 +70,9 @@ void ReadMapList(const json& text, MapList* list) {
 
 MapGraph::Origin ReadOrigin(const json& link) {
   const std::string name = link.value("origin", std::string("overlap"));
-  return name == "new_map" ? MapGraph::Origin::kNewMap : name == "entered" ? MapGraph::Origin::kEntered : MapGraph::Origin::kOverlap;
+  return name == "new_map"   ? MapGraph::Origin::kNewMap
+         : name == "entered" ? MapGraph::Origin::kEntered
+                             : MapGraph::Origin::kOverlap;
 }
 
 void ReadMapGraph(const json& text, DescribedGraph* described) {
@@ -86,14 +88,17 @@ void ReadMapGraph(const json& text, DescribedGraph* described) {
     label.is_active = map.value("active", map.value("state", std::string()) == "active");
   }
   for (const json& link : text.at("links")) {
-    state.links.push_back({ReadId<MapId>(link, "map", true), ReadId<MapId>(link, "other", true), ReadSimilarity(link), ReadOrigin(link)});
+    state.links.push_back(
+        {ReadId<MapId>(link, "map", true), ReadId<MapId>(link, "other", true), ReadSimilarity(link), ReadOrigin(link)});
   }
   for (const json& activity : text.at("activities")) {
-    state.activities.push_back({ReadId<MapId>(activity, "map", true), ReadId<MapId>(activity, "other", true), activity.at("count").get<uint64_t>()});
+    state.activities.push_back({ReadId<MapId>(activity, "map", true), ReadId<MapId>(activity, "other", true),
+                                activity.at("count").get<uint64_t>()});
   }
   if (text.contains("fused")) {
     for (const json& fused : text.at("fused"))
-      state.fused.push_back({ReadId<MapId>(fused, "map", true), ReadId<MapId>(fused, "other", true), ReadSimilarity(fused)});
+      state.fused.push_back(
+          {ReadId<MapId>(fused, "map", true), ReadId<MapId>(fused, "other", true), ReadSimilarity(fused)});
   }
   described->graph = MapGraph(state);
 }
@@ -113,7 +118,8 @@ const char* Name(MapGraph::Origin origin) {
 /// A similarity in words: enough to judge it by.
 std::string Describe(const Sim3d& similarity) {
   const double angle_deg = Eigen::AngleAxisd(similarity.rotation).angle() * 180 / M_PI;
-  return fmt::format("scale {:.3f}, turned by {:.1f} deg, moved by {:.3g}", similarity.scale, angle_deg, similarity.translation.norm());
+  return fmt::format("scale {:.3f}, turned by {:.1f} deg, moved by {:.3g}", similarity.scale, angle_deg,
+                     similarity.translation.norm());
 }
 
 }  // namespace
@@ -131,23 +137,28 @@ const MapList::Entry* MapList::Find(MapId map) const {
   return nullptr;
 }
 
-Result<MapList> ParseMapList(const std::string& json) { return Parse<MapList>(json, "list of maps", ReadMapList); }
+Result<MapList> ParseMapList(const std::string& json) {
+  return Parse<MapList>(json, "list of maps", ReadMapList);
+}
 
 std::string FormatMapList(const MapList& list) {
   if (list.maps.empty()) return "no map\n";
   TextColumns table({"map", "robot", "keyframes", "points", "revision", "epoch", "state"});
   for (const MapList::Entry& entry : list.maps) {
-    const std::string state = entry.epoch == 0      ? "waits for a mapper"
-                              : !entry.is_active    ? "dormant"
-                              : !entry.owner_alive  ? "active, its mapper is gone"
-                                                    : "active, owner " + ToString(entry.owner);
-    table.Add({ToString(entry.map) + (entry.map == list.last ? " *" : ""), std::to_string(entry.robot), std::to_string(entry.keyframes),
-               std::to_string(entry.points), std::to_string(entry.revision), std::to_string(entry.epoch), state});
+    const std::string state = entry.epoch == 0     ? "waits for a mapper"
+                              : !entry.is_active   ? "dormant"
+                              : !entry.owner_alive ? "active, its mapper is gone"
+                                                   : "active, owner " + ToString(entry.owner);
+    table.Add({ToString(entry.map) + (entry.map == list.last ? " *" : ""), std::to_string(entry.robot),
+               std::to_string(entry.keyframes), std::to_string(entry.points), std::to_string(entry.revision),
+               std::to_string(entry.epoch), state});
   }
   return table.Format() + (list.last.IsValid() ? "* changed last\n" : "");
 }
 
-Result<DescribedGraph> ParseMapGraph(const std::string& json) { return Parse<DescribedGraph>(json, "map graph", ReadMapGraph); }
+Result<DescribedGraph> ParseMapGraph(const std::string& json) {
+  return Parse<DescribedGraph>(json, "map graph", ReadMapGraph);
+}
 
 std::string FormatMapGraph(const DescribedGraph& described) {
   const MapGraph::State state = described.graph.state();
@@ -156,20 +167,23 @@ std::string FormatMapGraph(const DescribedGraph& described) {
   for (const MapId map : state.maps) {
     const auto found = described.labels.find(map);
     const MapLabel label = found == described.labels.end() ? MapLabel() : found->second;
-    text += fmt::format("  {}: {} keyframes, {} points, robot {}, {}\n", ToString(map), label.keyframes, label.points, label.robot,
-                        label.is_active ? "active" : "dormant");
+    text += fmt::format("  {}: {} keyframes, {} points, robot {}, {}\n", ToString(map), label.keyframes, label.points,
+                        label.robot, label.is_active ? "active" : "dormant");
   }
   std::set<std::pair<MapId, MapId>> linked;
   for (const MapGraph::Link& link : state.links) {
     linked.emplace(link.map, link.other);
-    text += fmt::format("{} - {}: activity {}; linked {}: {}\n", ToString(link.map), ToString(link.other),
-                        described.graph.ActivityOf(link.map, link.other), Name(link.origin), Describe(link.map_from_other));
+    text +=
+        fmt::format("{} - {}: activity {}; linked {}: {}\n", ToString(link.map), ToString(link.other),
+                    described.graph.ActivityOf(link.map, link.other), Name(link.origin), Describe(link.map_from_other));
   }
   for (const MapGraph::Activity& activity : state.activities) {
     if (linked.count({activity.map, activity.other}) == 0 && linked.count({activity.other, activity.map}) == 0)
-      text += fmt::format("{} - {}: activity {}; not linked\n", ToString(activity.map), ToString(activity.other), activity.count);
+      text += fmt::format("{} - {}: activity {}; not linked\n", ToString(activity.map), ToString(activity.other),
+                          activity.count);
   }
-  for (const MapGraph::Fused& fused : state.fused) text += fmt::format("{} went into {}\n", ToString(fused.other), ToString(fused.map));
+  for (const MapGraph::Fused& fused : state.fused)
+    text += fmt::format("{} went into {}\n", ToString(fused.other), ToString(fused.map));
   return text;
 }
 

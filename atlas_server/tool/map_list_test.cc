@@ -41,8 +41,9 @@ TEST(MapListTest, TellsTheStateOfEachMap) {
 }
 
 TEST(MapListTest, RefusesWhatIsNoList) {
-  for (const char* text : {"", "x", "[]", "{}", R"({"maps": 3})", R"({"maps": [{"robot": 0}]})", R"({"maps": [{"map": 7}]})",
-                           R"({"maps": [{"map": "7"}]})", R"({"maps": [{"map": "0.1.1", "keyframes": "x"}]})"}) {
+  for (const char* text :
+       {"", "x", "[]", "{}", R"({"maps": 3})", R"({"maps": [{"robot": 0}]})", R"({"maps": [{"map": 7}]})",
+        R"({"maps": [{"map": "7"}]})", R"({"maps": [{"map": "0.1.1", "keyframes": "x"}]})"}) {
     const Result<MapList> list = ParseMapList(text);
     ASSERT_FALSE(list.ok()) << text;
     EXPECT_THAT(list.error().message, HasSubstr("list of maps can't be read"));
@@ -70,7 +71,8 @@ TEST(MapGraphTextTest, ReadsWhatTheAtlasServerAnswersAndTellsIt) {
   EXPECT_FALSE(graph->labels.at(second).is_active);
   const std::string text = FormatMapGraph(*graph);
   EXPECT_THAT(text, HasSubstr("0.000001.1: 100 keyframes, 5000 points, robot 0, active\n"));
-  EXPECT_THAT(text, HasSubstr("0.000001.1 - 0.000001.2: activity 4; linked from an overlap: scale 0.500, turned by 73.7 deg, moved by 5\n"));
+  EXPECT_THAT(text, HasSubstr("0.000001.1 - 0.000001.2: activity 4; linked from an overlap: scale 0.500, turned by "
+                              "73.7 deg, moved by 5\n"));
   EXPECT_THAT(text, HasSubstr("0.000001.2 - 0.000001.3: activity 1; not linked\n"));
   EXPECT_THAT(text, HasSubstr("0.000001.9 went into 0.000001.1\n"));
   EXPECT_EQ(FormatMapGraph(DescribedGraph()), "no map\n");
@@ -78,9 +80,12 @@ TEST(MapGraphTextTest, ReadsWhatTheAtlasServerAnswersAndTellsIt) {
 
 TEST(MapGraphTextTest, RefusesWhatIsNoGraph) {
   const std::string sound = kGraph;
-  const auto with = [&](const std::string& from, const std::string& to) { return std::string(sound).replace(sound.find(from), from.size(), to); };
-  for (const std::string& text : {std::string(), std::string("{}"), with("\"links\"", "\"lines\""), with("[3, 0, 4]", "[3, 0]"),
-                                  with("[3, 0, 4]", "[3, 0, \"x\"]"), with("\"count\": 4", "\"count\": null"), with("\"scale\": 0.5", "\"scala\": 0.5")}) {
+  const auto with = [&](const std::string& from, const std::string& to) {
+    return std::string(sound).replace(sound.find(from), from.size(), to);
+  };
+  for (const std::string& text : {std::string(), std::string("{}"), with("\"links\"", "\"lines\""),
+                                  with("[3, 0, 4]", "[3, 0]"), with("[3, 0, 4]", "[3, 0, \"x\"]"),
+                                  with("\"count\": 4", "\"count\": null"), with("\"scale\": 0.5", "\"scala\": 0.5")}) {
     EXPECT_FALSE(ParseMapGraph(text).ok()) << text;
   }
 }

@@ -15,7 +15,9 @@ std::optional<uint64_t> ParseNumber(const std::string& text, int base, uint64_t 
   return value;
 }
 
-bool StartsWith(const std::string& text, const std::string& start) { return text.compare(0, start.size(), start) == 0; }
+bool StartsWith(const std::string& text, const std::string& start) {
+  return text.compare(0, start.size(), start) == 0;
+}
 
 bool EndsWith(const std::string& text, const std::string& end) {
   return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
@@ -45,7 +47,8 @@ std::optional<uint64_t> ParseId(const std::string& text) {
   const auto session = ParseNumber(text.substr(first + 1, second - first - 1), 16, 0xffffff);
   const auto sequence = ParseNumber(text.substr(second + 1), 10, 0xffffff);
   if (!robot || !session || !sequence) return std::nullopt;
-  return Id<void>(static_cast<RobotId>(*robot), static_cast<uint32_t>(*session), static_cast<uint32_t>(*sequence)).value;
+  return Id<void>(static_cast<RobotId>(*robot), static_cast<uint32_t>(*session), static_cast<uint32_t>(*sequence))
+      .value;
 }
 
 Result<MapId> ChooseMap(const std::string& name, const std::vector<MapId>& maps, MapId last) {

@@ -19,8 +19,8 @@ std::optional<IdType> ParseIdAs(const std::string& text) {
   return value ? std::optional<IdType>(*value) : std::nullopt;
 }
 
-/// The map that an operator means: its whole name, its number ("17") where that is unique, a unique beginning or end of its
-/// name, or "last".
+/// The map that an operator means: its whole name, its number ("17") where that is unique, a unique beginning or end of
+/// its name, or "last".
 /// @param last may be none. Fails, naming the candidates, when none or several fit.
 Result<MapId> ChooseMap(const std::string& name, const std::vector<MapId>& maps, MapId last);
 

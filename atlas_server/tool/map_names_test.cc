@@ -14,8 +14,8 @@ TEST(ParseIdTest, IsTheInverseOfFormatId) {
 }
 
 TEST(ParseIdTest, RefusesWhatIsNoId) {
-  for (const char* text : {"", ".", "..", "1", "0.1", "0.1.", ".1.1", "0..1", "0.1.1.1", "65536.1.1", "0.1000000.1", "0.1.16777216", "-1.1.1",
-                           "0.g.1", "0.1.1 ", " 0.1.1", "0x0.1.1", "0.0x1.1", "map"})
+  for (const char* text : {"", ".", "..", "1", "0.1", "0.1.", ".1.1", "0..1", "0.1.1.1", "65536.1.1", "0.1000000.1",
+                           "0.1.16777216", "-1.1.1", "0.g.1", "0.1.1 ", " 0.1.1", "0x0.1.1", "0.0x1.1", "map"})
     EXPECT_FALSE(ParseId(text).has_value()) << text;
 }
 
@@ -28,7 +28,9 @@ class ChooseMapTest : public ::testing::Test {
   std::vector<MapId> maps_{MapId(0, 0xa1b2c3, 1), MapId(0, 0xa1b2c3, 11), MapId(2, 0xa1b2c3, 3), MapId(2, 0xd00000, 4)};
 };
 
-TEST_F(ChooseMapTest, TakesTheWholeName) { EXPECT_EQ(Chosen("0.a1b2c3.1"), "0.a1b2c3.1"); }
+TEST_F(ChooseMapTest, TakesTheWholeName) {
+  EXPECT_EQ(Chosen("0.a1b2c3.1"), "0.a1b2c3.1");
+}
 
 TEST_F(ChooseMapTest, TakesTheNumberBeforeAnEndOfTheName) {
   EXPECT_EQ(Chosen("1"), "0.a1b2c3.1");

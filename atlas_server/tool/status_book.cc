@@ -35,7 +35,9 @@ size_t RankOf(const std::string& role) {
   return static_cast<size_t>(std::find(std::begin(kRoles), std::end(kRoles), role) - std::begin(kRoles));
 }
 
-std::map<std::string, double> FiguresOf(const ProcessStatus& status) { return {status.figures.begin(), status.figures.end()}; }
+std::map<std::string, double> FiguresOf(const ProcessStatus& status) {
+  return {status.figures.begin(), status.figures.end()};
+}
 
 std::string Join(const std::vector<std::string>& parts) {
   std::string text;
@@ -86,7 +88,8 @@ void StatusBook::Hear(const ProcessStatus& status, double now_s) {
 }
 
 size_t StatusBook::num_with_rates() const {
-  return static_cast<size_t>(std::count_if(entries_.begin(), entries_.end(), [](const auto& entry) { return entry.second.has_rates(); }));
+  return static_cast<size_t>(
+      std::count_if(entries_.begin(), entries_.end(), [](const auto& entry) { return entry.second.has_rates(); }));
 }
 
 const ProcessStatus* StatusBook::Find(const std::string& role) const {
@@ -101,7 +104,9 @@ std::vector<const StatusBook::Entry*> StatusBook::Sorted() const {
   std::vector<const Entry*> sorted;
   for (const auto& [id, entry] : entries_) sorted.push_back(&entry);
   std::sort(sorted.begin(), sorted.end(), [](const Entry* a, const Entry* b) {
-    const auto key = [](const Entry* e) { return std::tuple(e->status.process.robot(), RankOf(e->status.role), e->status.process); };
+    const auto key = [](const Entry* e) {
+      return std::tuple(e->status.process.robot(), RankOf(e->status.role), e->status.process);
+    };
     return key(a) < key(b);
   });
   return sorted;
@@ -113,9 +118,10 @@ std::string StatusBook::Format(double now_s) const {
     const ProcessStatus& status = entry->status;
     const double silent_s = now_s - entry->heard_s;
     const std::string state = silent_s > kSilentS ? fmt::format("silent for {:.0f} s", silent_s) : status.state;
-    table.Add({status.role, std::to_string(status.process.robot()), status.host, std::to_string(status.pid), status.vendor, status.priority, state,
-               status.map.IsValid() ? fmt::format("{} at {}", ToString(status.map), status.revision) : "-", FormatQueues(status),
-               FormatRates(entry->rates)});
+    table.Add({status.role, std::to_string(status.process.robot()), status.host, std::to_string(status.pid),
+               status.vendor, status.priority, state,
+               status.map.IsValid() ? fmt::format("{} at {}", ToString(status.map), status.revision) : "-",
+               FormatQueues(status), FormatRates(entry->rates)});
   }
   return table.Format();
 }

@@ -10,7 +10,8 @@
 namespace portolan {
 
 /// What the processes of a deployment tell of themselves, with rates from what they told before; the first status of a
-/// process may be an old one that DDS kept, so rates begin with its third. Time is given in seconds of any steady clock.
+/// process may be an old one that DDS kept, so rates begin with its third. Time is given in seconds of any steady
+/// clock.
 class StatusBook {
  public:
   void Hear(const ProcessStatus& status, double now_s);
@@ -23,7 +24,8 @@ class StatusBook {
 
   /// As a table, tracker first, robot by robot. Processes that have been silent for longer than kSilentS are marked.
   std::string Format(double now_s) const;
-  /// [{process, role, robot, host, pid, vendor, build, priority, state, map, epoch, revision, silent_s, figures, rates}]
+  /// [{process, role, robot, host, pid, vendor, build, priority, state, map, epoch, revision, silent_s, figures,
+  /// rates}]
   nlohmann::json ToJson(double now_s) const;
 
   /// A process publishes its status each second.
@@ -34,7 +36,7 @@ class StatusBook {
     ProcessStatus status;
     double heard_s = 0;
     std::map<std::string, double> rates;  // per second, of figures that rose since the status before
-    int heard = 0;  // statuses
+    int heard = 0;                        // statuses
     bool has_rates() const { return heard > 2; }
   };
   std::vector<const Entry*> Sorted() const;

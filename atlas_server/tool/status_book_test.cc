@@ -38,7 +38,8 @@ TEST(StatusBookTest, TellsEachProcessTrackerFirstAndRobotByRobot) {
   EXPECT_THAT(text, HasSubstr("busy"));
   EXPECT_THAT(text, HasSubstr("0.000001.1 at 9"));
   EXPECT_THAT(text, HasSubstr("7 events"));
-  const size_t tracker = text.find("frontend_tracker"), atlas = text.find("atlas_server"), other = text.rfind("frontend_tracker");
+  const size_t tracker = text.find("frontend_tracker"), atlas = text.find("atlas_server"),
+               other = text.rfind("frontend_tracker");
   EXPECT_LT(tracker, atlas);
   EXPECT_LT(atlas, other);
 }

@@ -49,7 +49,8 @@ Status CheckKeyFrames(const StoredMap& map) {
   std::set<KeyFrameId> missing;
   for (const auto& state : map.snapshot.keyframes) missing.insert(state.id);
   for (const KeyFrameData& data : map.keyframes) {
-    if (missing.erase(data.id) == 0) return Error{"keyframe " + ToString(data.id) + " is not in the map, or there twice"};
+    if (missing.erase(data.id) == 0)
+      return Error{"keyframe " + ToString(data.id) + " is not in the map, or there twice"};
   }
   if (missing.empty()) return Ok{};
   return Error{"the data of keyframe " + ToString(*missing.begin()) + " is missing"};

@@ -61,7 +61,8 @@ TEST_F(MapFileTest, MapsComeBackAsTheyWere) {
 
 TEST_F(MapFileTest, DataThatCantBeFoundIsAnErrorAndNoFile) {
   const Map map = MakeRandomMap(1);
-  const Status written = WriteMapFile(path_, {&map}, [](const KeyFrame&) -> Result<KeyFrameData> { return Error{"gone"}; });
+  const Status written =
+      WriteMapFile(path_, {&map}, [](const KeyFrame&) -> Result<KeyFrameData> { return Error{"gone"}; });
   ASSERT_FALSE(written.ok());
   EXPECT_EQ(written.error().message, "gone");
   EXPECT_FALSE(fs::exists(path_));

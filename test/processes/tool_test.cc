@@ -34,10 +34,11 @@ class ToolTest : public DeploymentTest {
     EXPECT_FALSE(json.is_discarded()) << ended.output;
     return json;
   }
-  /// A file with one map. @return the map.
+  /// A file with one map, of more keyframes than are kept of those that are in no map (ReplicaSet). @return the map.
   Map WriteMap(const std::string& path) const {
     Map map(MapId(0, 0xabcdef, 1), 3);
     RandomEdits edits(7, &map);
+    for (int i = 0; i < 60; ++i) edits.Edit(RandomEdits::kAddKeyFrame);
     for (int i = 0; i < 300; ++i) edits.Next();
     static_cast<void>(map.TakeDelta());
     EXPECT_TRUE(WriteMapFile(path, {&map}).ok());
@@ -50,10 +51,20 @@ class ToolTest : public DeploymentTest {
 };
 
 TEST_F(ToolTest, UsageIsToldBeforeAnybodyIsAsked) {
-  for (const std::vector<std::string>& arguments : std::vector<std::vector<std::string>>{
-           {}, {"fly"}, {"activate"}, {"fuse", "1"}, {"export", "1"}, {"localize-only", "maybe"}, {"maps", "--timeout", "0"}, {"maps", "--domain", "231"},
-           {"maps", "--dds", "opendds"}, {"maps", "--set", "dds.partition=a b"}, {"maps", "--config", "/no/such/file"}, {"maps", "--log-level", "loud"},
-           {"maps", "--robot", "-1"}}) {
+  for (const std::vector<std::string>& arguments :
+       std::vector<std::vector<std::string>>{{},
+                                             {"fly"},
+                                             {"activate"},
+                                             {"fuse", "1"},
+                                             {"export", "1"},
+                                             {"localize-only", "maybe"},
+                                             {"maps", "--timeout", "0"},
+                                             {"maps", "--domain", "231"},
+                                             {"maps", "--dds", "opendds"},
+                                             {"maps", "--set", "dds.partition=a b"},
+                                             {"maps", "--config", "/no/such/file"},
+                                             {"maps", "--log-level", "loud"},
+                                             {"maps", "--robot", "-1"}}) {
     const Ended ended = Tool(arguments);
     EXPECT_EQ(ended.code, kUsage) << (arguments.empty() ? "" : arguments.back()) << ": " << ended.output;
     EXPECT_FALSE(ended.output.empty());
@@ -63,7 +74,8 @@ TEST_F(ToolTest, UsageIsToldBeforeAnybodyIsAsked) {
 }
 
 TEST_F(ToolTest, NobodyThereIsToldAfterTheTimeout) {
-  ExpectTool({"maps", "--timeout", "1"}, kUnreachable, "no atlas_server answered within 1 s (domain " + std::to_string(domain_) + ", partition robot_0)");
+  ExpectTool({"maps", "--timeout", "1"}, kUnreachable,
+             "no atlas_server answered within 1 s (domain " + std::to_string(domain_) + ", partition robot_0)");
   ExpectTool({"status", "--timeout", "1"}, kUnreachable, "no process was heard");
   ExpectTool({"pause", "--timeout", "1"}, kUnreachable, "no atlas_server");
 }
@@ -102,12 +114,15 @@ TEST_F(ToolTest, AMapGoesFromAtlasToAtlas) {
   EXPECT_THAT(ReadWholeFile(folder_.Path("g.svg")), HasSubstr(ToString(map.id())));
   EXPECT_THAT(ReadWholeFile(folder_.Path("g.dot")), HasSubstr(ToString(map.id())));
 
-  ExpectTool({"export", "0.abc", "--ply", folder_.Path("b.ply"), "--tum", folder_.Path("b.txt"), "--map", folder_.Path("b.pmap")}, kOk, "keyframes");
+  ExpectTool({"export", "0.abc", "--ply", folder_.Path("b.ply"), "--tum", folder_.Path("b.txt"), "--map",
+              folder_.Path("b.pmap")},
+             kOk, "keyframes");
   const auto back = ReadMapFile(folder_.Path("b.pmap"));
   ASSERT_TRUE(back.ok()) << back.error().message;
   EXPECT_EQ(HashMap(*RestoreMap(back->at(0), nullptr)), HashMap(map));
   EXPECT_EQ(CountLines(folder_.Path("b.txt")), map.keyframes().size());
-  EXPECT_THAT(ReadWholeFile(folder_.Path("b.ply")), HasSubstr("element vertex " + std::to_string(map.keyframes().size() + map.points().size())));
+  EXPECT_THAT(ReadWholeFile(folder_.Path("b.ply")),
+              HasSubstr("element vertex " + std::to_string(map.keyframes().size() + map.points().size())));
   ExpectTool({"export", "1", "--ply", folder_.Path("no/folder.ply")}, 1, "folder.ply");
   ExpectTool({"export", "7", "--ply", folder_.Path("c.ply")}, kUsage, "no map is called '7'");
 
@@ -126,7 +141,9 @@ TEST_F(ToolTest, AMapGoesFromAtlasToAtlas) {
 
 TEST_F(ToolTest, ARunIsSeenAndItsActiveMapExported) {
   StartAll({"--data", Sequence(), "--speed", "0.5"});
-  ASSERT_TRUE(watch().WaitUntil([](const StatusWatch::Heard& heard) { return heard.Figure("atlas_server", "keyframes") >= 5; }, kProcessDeadline)) << Logs();
+  ASSERT_TRUE(watch().WaitUntil(
+      [](const StatusWatch::Heard& heard) { return heard.Figure("atlas_server", "keyframes") >= 5; }, kProcessDeadline))
+      << Logs();
   ExpectTool({"export", "last", "--dds", "cyclonedds", "--map", folder_.Path("a.pmap")}, kOk, "keyframes");
   const auto exported = ReadMapFile(folder_.Path("a.pmap"));
   ASSERT_TRUE(exported.ok()) << exported.error().message;
