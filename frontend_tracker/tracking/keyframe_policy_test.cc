@@ -50,6 +50,21 @@ TEST_F(KeyFramePolicyTest, AFarWellTrackedFrameIsInserted) {
   EXPECT_EQ(policy_.Decide(map_, MakeFrame(1.5, 1.0), true), Decision::kInsert);
 }
 
+TEST_F(KeyFramePolicyTest, AMapIsLeftWhereItsKeyFramesOrLandmarksEnd) {
+  EXPECT_FALSE(policy_.IsLeaving(map_, MakeFrame(0.5, 1.0))) << "at a keyframe";
+  EXPECT_TRUE(policy_.IsLeaving(map_, MakeFrame(1.5, 1.0))) << "farther from the nearest than the first two from each other";
+  Frame frame = MakeFrame(0.5, 1.0);
+  frame.num_inliers = 49;
+  EXPECT_TRUE(policy_.IsLeaving(map_, frame)) << "hardly anything of it is seen";
+  // Only the paper's distance counts, whatever the factor for new keyframes.
+  KeyFramePolicyOptions eager = PaperOptions();
+  eager.distance_factor = 0.1;
+  KeyFramePolicy policy(eager);
+  policy.StartMap(map_);
+  EXPECT_TRUE(policy.IsFarEnough(map_, MakeFrame(0.6, 1.0)));
+  EXPECT_FALSE(policy.IsLeaving(map_, MakeFrame(0.6, 1.0)));
+}
+
 TEST_F(KeyFramePolicyTest, QualityNeedsTenPointsAndSevenTenths) {
   Frame frame = MakeFrame(1.5, 1.0);
   frame.num_inliers = 9;

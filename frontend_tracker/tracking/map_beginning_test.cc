@@ -112,6 +112,24 @@ TEST_F(MapBeginningTest, KeepsABoundedNumberOfFramesWhileTheMapperWorks) {
   EXPECT_THAT(beginning_.Take().since, SizeIs(30));
 }
 
+TEST_F(MapBeginningTest, QueuedFramesAreOfferedInPartsAndOldOnesCompleteNoPair) {
+  const auto rotation = [&](size_t view) { return scene_.views[view].camera_from_world.rotation; };
+  for (size_t view = 0; view < 40; ++view) {
+    const Eigen::Quaterniond turn = rotation(view) * rotation(view > 0 ? view - 1 : 0).conjugate();
+    beginning_.Queue(FrameOfView(scene_, view), turn, view >= 30);
+  }
+  EXPECT_FALSE(beginning_.OfferQueued(25)) << "far enough apart, but past";
+  EXPECT_FALSE(beginning_.OfferQueued(5));
+  std::optional<Initializer::Pair> pair = beginning_.OfferQueued(25);
+  ASSERT_TRUE(pair);
+  EXPECT_EQ(pair->second.number, 30u) << "the first that may";
+  // What is still queued came since.
+  beginning_.NoteSent(pair->first, pair->second);
+  EXPECT_TRUE(beginning_.any_sent());
+  const MapBeginning::Frames frames = beginning_.Take();
+  EXPECT_THAT(NumbersOf(frames.since), ElementsAreArray(Range(31, 40)));
+}
+
 TEST_F(MapBeginningTest, StopForgetsEverything) {
   const size_t next = SendPair();
   beginning_.Stop();

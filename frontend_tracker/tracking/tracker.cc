@@ -186,6 +186,7 @@ void Tracker::OnTracked(Frame* frame, Output* output) {
   history_.Add(map, *frame, true);
   ConsiderKeyFrame(frame, output);
   OfferTrackedPair(*frame, output);
+  RefineLink();
   last_frame_ = std::move(*frame);
   BackfillOne();
 }

@@ -130,6 +130,8 @@ class Tracker {
   void BeginTracking(uint64_t frame_now);
   void PlanToEnterNewMap();
   std::optional<Sim3d> LinkNewMap(MapId map, MapId old_map, const MapBeginning::Frames& frames);
+  std::optional<Sim3d> MeasureNewLink(MapId map, MapId old_map, const Frame& first, const Frame& second);
+  void RefineLink();
   std::optional<Overlap> OverlapWith(const Frame& frame, const Map& map, const Map& old_map) const;
   void GoOnFrom(Frame frame);
   void BackfillOne();
@@ -199,6 +201,11 @@ class Tracker {
   std::vector<Request> requests_;                           // since the last frame
   std::optional<PlannedMove> move_;
   std::vector<Command> fusions_;                            // whose outcome is not in the replica yet
+  struct YoungLink {
+    MapId map, old_map;
+    Frame first, second;  // of the new map, as they were tracked in the old one
+  };
+  std::optional<YoungLink> young_link_;                     // to be measured again when the new map has grown
   int refused_pairs_ = 0;                                   // of the map that begins
   MapId spare_map_;                                         // asked for, and not begun
   size_t next_other_map_ = 0;                               // whose turn it is when lost

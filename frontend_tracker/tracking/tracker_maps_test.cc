@@ -194,8 +194,19 @@ TEST_F(TrackerMapsTest, BeginsANewMapWhenItIsTold) {
   for (; place < 8; ++place) Show(place);
   tracker_->OnCommand(MakeCommand(CommandKind::kNewMap, MapId(), MapId()));
   for (; place < 20 && tracker_->active_map() == first; ++place) ExpectRightPose(Show(place), place);
-  EXPECT_NE(tracker_->active_map(), first);
-  ExpectRightPose(Show(place), place);
+  const MapId second = tracker_->active_map();
+  EXPECT_NE(second, first);
+  // Once it has grown, the link is measured again.
+  std::vector<Request> links;
+  for (; place < kLastPlace; ++place) {
+    const Tracker::Output output = Show(place);
+    ExpectRightPose(output, place);
+    for (const Request& request : RequestsOf(output.requests, "link_maps")) links.push_back(request);
+  }
+  ASSERT_GE(tracker_->replicas().at(second).map().keyframes().size(), 10u);
+  ASSERT_THAT(links, SizeIs(1));
+  const Sim3d truth = mapper_->MapFromWorld(second) * mapper_->MapFromWorld(first).Inverse();
+  EXPECT_NEAR(links[0].map_from_other.scale / truth.scale, 1, 0.01);
 }
 
 TEST_F(TrackerMapsTest, LocalisationOnlyChangesNoMap) {

@@ -14,6 +14,7 @@ constexpr int kOffersPerFrame = 6;      // each takes some milliseconds; there i
 constexpr double kLeastBaseline = 0.5;  // of the initializer's, where the motion is known; after each refusal
 constexpr double kBaselineSteps = 0.5;  // so much more,
 constexpr int kNumBaselines = 4;        // so often, and again from there
+constexpr size_t kGrownKeyFrames = 10;  // of a new map, after which its link is measured once more
 constexpr size_t kMinCommon = 60;       // landmarks that a past frame must share with the last tracked one, to be where a new map begins
 
 Eigen::Quaterniond Turn(const Frame& from, const Frame& to) {
@@ -141,28 +142,43 @@ std::optional<Overlap> Tracker::OverlapWith(const Frame& frame, const Map& map, 
 }
 
 /// Where a new map lies to the one before, from those of its first two frames that were tracked there.
-std::optional<Sim3d> Tracker::LinkNewMap(MapId id, MapId old_id, const MapBeginning::Frames& frames) {
-  const Map* old_map = maps_.Find(old_id);
-  if (old_map == nullptr) return std::nullopt;
-  links_.NoteActivity(id, old_id);
+std::optional<Sim3d> Tracker::LinkNewMap(MapId map, MapId old_map, const MapBeginning::Frames& frames) {
+  if (maps_.Find(old_map) == nullptr) return std::nullopt;
+  links_.NoteActivity(map, old_map);
+  const auto link = MeasureNewLink(map, old_map, frames.first, frames.second);
+  if (link) young_link_ = YoungLink{map, old_map, frames.first, frames.second};
+  return link;
+}
+
+std::optional<Sim3d> Tracker::MeasureNewLink(MapId map, MapId old_map, const Frame& first, const Frame& second) {
   std::vector<Overlap> overlaps;
+  std::string common;
   const Frame* last = nullptr;
-  for (const Frame* frame : {&frames.first, &frames.second}) {
-    auto overlap = OverlapWith(*frame, maps_.map(id), *old_map);
+  for (const Frame* frame : {&first, &second}) {
+    auto overlap = OverlapWith(*frame, maps_.map(map), maps_.map(old_map));
     if (!overlap) continue;
+    common += " " + std::to_string(overlap->depths.size());
     overlaps.push_back(std::move(*overlap));
     last = frame;
   }
   const std::optional<Sim3d> link = MeasureLink(overlaps);
-  std::string common;
-  for (const Overlap& overlap : overlaps) common += " " + std::to_string(overlap.depths.size());
-  spdlog::info("new map {} of frames {} and {}: {} points, in common with map {}:{}; {}", ToString(id), frames.first.number, frames.second.number,
-               maps_.map(id).points().size(), ToString(old_id), common.empty() ? " nothing" : common,
+  spdlog::info("map {} of frames {} and {}: {} points; features in common with map {}:{}; {}", ToString(map), first.number, second.number,
+               maps_.map(map).points().size(), ToString(old_map), common.empty() ? " none" : common,
                link ? "scale " + std::to_string(link->scale) : "no link");
   if (!link) return std::nullopt;
-  links_.Link({id, last->data->id}, {old_id, last->reference}, *link);
-  AskAtlas("link_maps", id, old_id, link, "");
+  links_.Link({map, last->data->id}, {old_map, last->reference}, *link);
+  AskAtlas("link_maps", map, old_map, link, "");
   return link;
+}
+
+/// By then the depths of what its first frames see come from more than two views, and they see more of it.
+void Tracker::RefineLink() {
+  if (!young_link_) return;
+  const YoungLink& young = *young_link_;
+  const bool is_there = maps_.Find(young.map) != nullptr && maps_.Find(young.old_map) != nullptr;
+  if (is_there && maps_.map(young.map).keyframes().size() < kGrownKeyFrames) return;
+  if (is_there) MeasureNewLink(young.map, young.old_map, young.first, young.second);
+  young_link_.reset();
 }
 
 /// The map is made while the camera is still tracked in the old one: the next frame goes over.
