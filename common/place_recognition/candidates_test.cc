@@ -105,6 +105,17 @@ TEST_F(CandidatesTest, NumberIsBounded) {
   EXPECT_THAT(Find({1, 2, 3, 4}, options), SizeIs(7));
 }
 
+TEST_F(CandidatesTest, OnlyThoseWithTheMostWordsAreScored) {
+  AddKeyFrame(1, {1, 2, 3, 4, 5, 6});
+  AddKeyFrame(2, {1, 2, 3, 4, 5, 90});
+  AddKeyFrame(3, {1, 2, 3, 4, 91, 92});
+  CandidateOptions options;
+  options.min_score = 0;
+  EXPECT_THAT(Find({1, 2, 3, 4, 5, 6}, options), SizeIs(3));
+  options.most_scored = 2;
+  EXPECT_EQ(Find({1, 2, 3, 4, 5, 6}, options), (std::vector<KeyFrameId>{Id(1), Id(2)}));
+}
+
 TEST_F(CandidatesTest, NothingInCommonIsNothing) {
   EXPECT_THAT(Find({1, 2}), IsEmpty());
   AddKeyFrame(1, {1, 2, 3, 4});
