@@ -213,6 +213,7 @@ class Tracker {
     Frame first, second;  // of the new map, as they were tracked in the old one
   };
   std::optional<YoungLink> young_link_;                     // to be measured again when the new map has grown
+  int leaving_frames_ = 0;                                  // tracked one after another where a full map ends
   int refused_pairs_ = 0;                                   // of the map that begins
   MapId spare_map_;                                         // asked for, and not begun
   size_t next_other_map_ = 0;                               // whose turn it is when lost

@@ -18,6 +18,7 @@ constexpr int kLookBackEvery = 2;              // frames, to one that is localis
 constexpr int kLookBackFrames = 60;            // after that the camera has seen what the two have in common
 constexpr size_t kLookBackOverlaps = 16;       // enough
 constexpr size_t kLinkedMapsPerFrame = 2;      // tried by their Sim3
+constexpr int kLeavingFrames = 3;              // one after another, for a full map to end there
 constexpr int kFailedFramesFirst = 2;          // a picture or two that the active map does not explain are no reason to leave it
 constexpr size_t kMapsByWordsPerFrame = 2;     // tried by words: the rest has its turn with later frames
 constexpr double kMinShareOfPoints = 0.5;      // that a linked map must have of the points which the full map tracks, to be gone over into
@@ -90,8 +91,8 @@ bool Tracker::ConsiderMapChange(Frame* frame) {
   const Stopwatch stopwatch;
   bool changed = move_ && TryPlannedMove(frame, true);
   const Map& map = ActiveMap();
-  if (!move_ && !changed && !beginning_.map().IsValid() && !options_.localization_only && IsFull(map) &&
-      keyframe_policy_.IsLeaving(map, *frame)) {
+  leaving_frames_ = !changed && IsFull(map) && keyframe_policy_.IsLeaving(map, *frame) ? leaving_frames_ + 1 : 0;
+  if (!move_ && !beginning_.map().IsValid() && !options_.localization_only && leaving_frames_ >= kLeavingFrames) {
     changed = GoOnInLinkedMap(frame, true);
     if (!changed) StartNewMap();
   }
