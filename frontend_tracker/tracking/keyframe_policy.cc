@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <utility>
 
 namespace portolan {
 namespace {
@@ -21,13 +22,25 @@ double MeanDepth(const Map& map, const Frame& frame) {
   return count > 0 ? sum / count : 0;
 }
 
-double DistanceToNearestKeyFrame(const Map& map, const Rigid3d& camera_from_map) {
-  const Eigen::Vector3d centre = camera_from_map.TargetOriginInSource();
-  double nearest = std::numeric_limits<double>::infinity();
+/// The keyframe nearest to a place, but for `except` (may be none), and how far it is; infinitely far if there is none.
+std::pair<const KeyFrame*, double> NearestKeyFrame(const Map& map, const Eigen::Vector3d& place_in_map, KeyFrameId except) {
+  std::pair<const KeyFrame*, double> nearest{nullptr, std::numeric_limits<double>::infinity()};
   for (const auto& [id, keyframe] : map.keyframes()) {
-    nearest = std::min(nearest, (keyframe.camera_from_map.TargetOriginInSource() - centre).norm());
+    const double distance = (keyframe.camera_from_map.TargetOriginInSource() - place_in_map).norm();
+    if (id != except && distance < nearest.second) nearest = {&keyframe, distance};
   }
   return nearest;
+}
+
+double DistanceToNearestKeyFrame(const Map& map, const Rigid3d& camera_from_map) {
+  return NearestKeyFrame(map, camera_from_map.TargetOriginInSource(), KeyFrameId()).second;
+}
+
+/// Whether the camera is farther from its nearest keyframe than that one is from the next: beyond them, and not in between.
+bool IsBeyondKeyFrames(const Map& map, const Rigid3d& camera_from_map) {
+  const auto [nearest, distance] = NearestKeyFrame(map, camera_from_map.TargetOriginInSource(), KeyFrameId());
+  if (nearest == nullptr) return true;
+  return distance > NearestKeyFrame(map, nearest->camera_from_map.TargetOriginInSource(), nearest->data->id).second;
 }
 
 }  // namespace
@@ -67,7 +80,7 @@ bool KeyFramePolicy::HasLost(const Map& map, const Frame& frame, double share) c
 }
 
 bool KeyFramePolicy::IsLeaving(const Map& map, const Frame& frame) const {
-  return frame.num_inliers < kFewPoints || IsFar(map, frame, 1.0);
+  return frame.num_inliers < kFewPoints || (IsFar(map, frame, 1.0) && IsBeyondKeyFrames(map, frame.camera_from_map));
 }
 
 bool KeyFramePolicy::IsUrgent(const Map& map, const Frame& frame) const {

@@ -29,8 +29,8 @@ class KeyFramePolicy {
   bool IsFarEnough(const Map& map, const Frame& frame) const { return IsFar(map, frame, options_.distance_factor); }
   /// Beyond the paper: the frame has lost sight of much of what its reference keyframe sees, as when the camera turns.
   bool IsViewNew(const Map& map, const Frame& frame) const { return HasLost(map, frame, options_.max_reference_overlap); }
-  /// Whether the map ends here, for one that is to get no more keyframes: the frame is too far from all of them (Eq. 7 as it stands in the paper), or sees
-  /// little of the map.
+  /// Whether the map ends here, for one that is to get no more keyframes: the frame is too far from all of them (Eq. 7 as it stands in the paper) and not
+  /// between two, or sees little of the map.
   bool IsLeaving(const Map& map, const Frame& frame) const;
   /// Whether the frame is worth interrupting a busy mapper for: by the same two measures, with their urgent limits.
   bool IsUrgent(const Map& map, const Frame& frame) const;

@@ -31,6 +31,29 @@ double MedianDepthInMap(const Overlap& overlap) {
   return Quantile(std::move(depths), 0.5);
 }
 
+/// From the camera's places, in pairs that are at least half as far apart as any are; none if there are too few frames or the way is too short.
+std::optional<double> ScaleOfWay(const std::vector<const Overlap*>& overlaps) {
+  if (overlaps.size() < kMinWayFrames) return std::nullopt;
+  std::vector<std::pair<double, double>> distances;  // in the map, in the other
+  double most = 0, depth = 0;
+  for (size_t i = 0; i < overlaps.size(); ++i) {
+    depth = std::max(depth, MedianDepthInMap(*overlaps[i]));
+    for (size_t k = i + 1; k < overlaps.size(); ++k) {
+      const Overlap &a = *overlaps[i], &b = *overlaps[k];
+      const double in_map = (a.camera_from_map.TargetOriginInSource() - b.camera_from_map.TargetOriginInSource()).norm();
+      distances.emplace_back(in_map, (a.camera_from_other.TargetOriginInSource() - b.camera_from_other.TargetOriginInSource()).norm());
+      most = std::max(most, in_map);
+    }
+  }
+  if (most < kMinWayInDepths * depth) return std::nullopt;
+  std::vector<double> ratios;
+  for (const auto& [in_map, in_other] : distances) {
+    if (in_map >= most / 2 && in_other > 0) ratios.push_back(in_map / in_other);
+  }
+  if (ratios.empty()) return std::nullopt;
+  return Quantile(std::move(ratios), 0.5);
+}
+
 }  // namespace
 
 Overlap MakeOverlap(const FrameInMap& in_map, const FrameInMap& in_other) {
@@ -57,7 +80,7 @@ std::optional<Sim3d> MeasureLink(const std::vector<Overlap>& overlaps) {
     scales.push_back(*scale);
   }
   if (used.empty()) return std::nullopt;
-  const double scale = Quantile(scales, 0.5);
+  const double scale = ScaleOfWay(used).value_or(Quantile(scales, 0.5));
   std::vector<Sim3d> links;
   for (const Overlap* overlap : used) links.push_back(LinkThroughCamera(overlap->camera_from_map, overlap->camera_from_other, scale));
   size_t best = 0;

@@ -34,8 +34,13 @@ Sim3d LinkThroughCamera(const Rigid3d& camera_from_map, const Rigid3d& camera_fr
 /// Common features from which a frame counts for a link.
 constexpr size_t kMinOverlapFeatures = 20;
 
+/// Frames from which their way counts for a link's scale, and that way's least length in median depths.
+constexpr size_t kMinWayFrames = 6;
+constexpr double kMinWayInDepths = 0.15;
+
 /// map_from_other, from frames localised in both maps: each gives a scale, the median ratio of its features' depths, and by its poses the rest. Scale is the
-/// median over frames; rotation and translation are those of the frame that agrees best with all others. None without a frame that has kMinOverlapFeatures.
+/// median over frames, or, where the camera has gone far enough, the median ratio of the distances between its places: poses are averages over many
+/// landmarks, while depths of young ones err to one side; rotation and translation are those of the frame that agrees best with all others. None without a frame that has kMinOverlapFeatures.
 /// Beyond paper Sec. 3.4, where overlapping maps are related only once an overlap is found.
 std::optional<Sim3d> MeasureLink(const std::vector<Overlap>& overlaps);
 

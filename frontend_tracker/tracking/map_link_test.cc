@@ -64,6 +64,22 @@ TEST_F(MapLinkTest, AFrameThatIsWronglyLocalisedIsOutvoted) {
   EXPECT_THAT(*link, Sim3Near(map_from_other_, (PoseTolerance{1e-5, 1e-3}), 1e-4));
 }
 
+TEST_F(MapLinkTest, AWayTellsTheScaleBetterThanDepthsThatErrToOneSide) {
+  std::vector<Overlap> overlaps;
+  for (size_t view = 0; view < 6; ++view) {
+    overlaps.push_back(OverlapOfView(view));
+    for (auto& [in_map, in_other] : overlaps.back().depths) in_map *= 1.05;
+  }
+  overlaps[2].camera_from_map = Rigid3d(Eigen::Quaterniond::Identity(), {0.5, 0, 0}) * overlaps[2].camera_from_map;  // one is wrong
+  const auto link = MeasureLink(overlaps);
+  ASSERT_TRUE(link);
+  EXPECT_NEAR(link->scale / map_from_other_.scale, 1, 1e-3);
+  // On the spot it tells nothing.
+  const auto still = MeasureLink({overlaps[0], overlaps[0], overlaps[0], overlaps[0], overlaps[0], overlaps[0]});
+  ASSERT_TRUE(still);
+  EXPECT_NEAR(still->scale / map_from_other_.scale, 1.05, 1e-3);
+}
+
 TEST_F(MapLinkTest, NeedsTwentyFeaturesThatBothMapsKnow) {
   Overlap overlap = OverlapOfView(2);
   overlap.depths.resize(kMinOverlapFeatures - 1);

@@ -187,6 +187,7 @@ void Tracker::OnTracked(Frame* frame, Output* output) {
   ConsiderKeyFrame(frame, output);
   OfferTrackedPair(*frame, output);
   RefineLink();
+  LookBack(*frame);
   last_frame_ = std::move(*frame);
   BackfillOne();
 }

@@ -154,6 +154,7 @@ class Tracker {
   bool GoOnInLinkedMap(Frame* frame, bool is_tracked);
   bool RelocalizeAnywhere(Frame* frame);
   void GoOver(MapId target, Frame moved, const Frame* before, const std::optional<Sim3d>& target_from_active, Frame* frame);
+  void LookBack(const Frame& frame);
   std::vector<MapId> OtherMaps() const;
   bool IsFull(const Map& map) const;
   void PlanMove(const Command& command);
@@ -200,12 +201,19 @@ class Tracker {
   MapEvents events_;
   std::vector<Request> requests_;                           // since the last frame
   std::optional<PlannedMove> move_;
+  struct Handover {
+    MapId map, left;
+    std::vector<Overlap> overlaps;
+    int frames = 0;
+  };
+  std::optional<Handover> handover_;                        // the map just gone into and the one left, until their link is sure
   std::vector<Command> fusions_;                            // whose outcome is not in the replica yet
   struct YoungLink {
     MapId map, old_map;
     Frame first, second;  // of the new map, as they were tracked in the old one
   };
   std::optional<YoungLink> young_link_;                     // to be measured again when the new map has grown
+  int leaving_frames_ = 0;                                  // tracked one after another where a full map ends
   int refused_pairs_ = 0;                                   // of the map that begins
   MapId spare_map_;                                         // asked for, and not begun
   size_t next_other_map_ = 0;                               // whose turn it is when lost

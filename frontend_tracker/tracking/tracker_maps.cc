@@ -14,7 +14,11 @@ namespace {
 constexpr int kMoveFrames = 30;                // tried, before a move is given up
 constexpr double kSnapshotPatienceS = 10.0;    // for the map itself to come
 constexpr int kWordsEvery = 5;                 // frames near the predicted pose that fail, to one by words
+constexpr int kLookBackEvery = 2;              // frames, to one that is localised in the map just left too
+constexpr int kLookBackFrames = 60;            // after that the camera has seen what the two have in common
+constexpr size_t kLookBackOverlaps = 16;       // enough
 constexpr size_t kLinkedMapsPerFrame = 2;      // tried by their Sim3
+constexpr int kLeavingFrames = 3;              // one after another, for a full map to end there
 constexpr int kFailedFramesFirst = 2;          // a picture or two that the active map does not explain are no reason to leave it
 constexpr size_t kMapsByWordsPerFrame = 2;     // tried by words: the rest has its turn with later frames
 constexpr double kMinShareOfPoints = 0.5;      // that a linked map must have of the points which the full map tracks, to be gone over into
@@ -87,8 +91,8 @@ bool Tracker::ConsiderMapChange(Frame* frame) {
   const Stopwatch stopwatch;
   bool changed = move_ && TryPlannedMove(frame, true);
   const Map& map = ActiveMap();
-  if (!move_ && !changed && !beginning_.map().IsValid() && !options_.localization_only && IsFull(map) &&
-      keyframe_policy_.IsLeaving(map, *frame)) {
+  leaving_frames_ = !changed && IsFull(map) && keyframe_policy_.IsLeaving(map, *frame) ? leaving_frames_ + 1 : 0;
+  if (!move_ && !beginning_.map().IsValid() && !options_.localization_only && leaving_frames_ >= kLeavingFrames) {
     changed = GoOnInLinkedMap(frame, true);
     if (!changed) StartNewMap();
   }
@@ -200,10 +204,12 @@ void Tracker::GoOver(MapId target, Frame moved, const Frame* before, const std::
   const Map& map = maps_.map(target);
   const bool is_new_map = move_ && move_->is_new_map && move_->target == target;
   std::optional<Sim3d> link = target_from_active;
+  handover_.reset();
   if (before != nullptr) {
-    const auto measured = MeasureLink(
-        {MakeOverlap({map, moved.camera_from_map, moved.landmarks}, {ActiveMap(), before->camera_from_map, before->landmarks})});
-    if (measured) link = measured;
+    const Overlap overlap =
+        MakeOverlap({map, moved.camera_from_map, moved.landmarks}, {ActiveMap(), before->camera_from_map, before->landmarks});
+    if (const auto measured = MeasureLink({overlap})) link = measured;
+    handover_ = Handover{target, left, {overlap}, 0};
   }
   spdlog::info("frame {}: goes on in map {}, left {}: {} points there, {}", moved.number, ToString(target), ToString(left), moved.num_inliers,
                link ? "scale " + std::to_string(link->scale) : "no link");
@@ -230,6 +236,33 @@ void Tracker::GoOver(MapId target, Frame moved, const Frame* before, const std::
   keyframe_policy_.StartMap(map);
   moved.map = target;
   *frame = std::move(moved);
+}
+
+/// Some frames after a change are localised in the map that was left too: of one frame alone the link's scale is a per cent off.
+void Tracker::LookBack(const Frame& frame) {
+  if (!handover_) return;
+  Handover& handover = *handover_;
+  const Map* left = maps_.Find(handover.left);
+  const auto left_from_map = left != nullptr && active_map_ == handover.map ? links_.Find(handover.left, handover.map) : std::nullopt;
+  if (!left_from_map) return handover_.reset();
+  if (++handover.frames % kLookBackEvery == 0) {
+    Frame there = frame;
+    const bool found = localizer_.LocalizeNear(*left, TransformPose(frame.camera_from_map, *left_from_map), &there);
+    if (found) {
+      handover.overlaps.push_back(
+          MakeOverlap({ActiveMap(), frame.camera_from_map, frame.landmarks}, {*left, there.camera_from_map, there.landmarks}));
+    }
+    const bool is_due = handover.overlaps.size() == kMinWayFrames || handover.overlaps.size() == kLookBackOverlaps;
+    const auto link = found && is_due ? MeasureLink(handover.overlaps) : std::nullopt;
+    if (link) {
+      links_.Link({handover.map, frame.reference}, {handover.left, there.reference}, *link);
+      AskAtlas("link_maps", handover.map, handover.left, link, "");
+      young_link_.reset();  // this is the better one
+      spdlog::info("link of maps {} and {} from {} frames: scale {:.4f}", ToString(handover.map), ToString(handover.left),
+                   handover.overlaps.size(), link->scale);
+    }
+  }
+  if (handover.frames >= kLookBackFrames || handover.overlaps.size() >= kLookBackOverlaps) handover_.reset();
 }
 
 void Tracker::CompleteFusions() {

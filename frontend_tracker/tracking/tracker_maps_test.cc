@@ -204,9 +204,9 @@ TEST_F(TrackerMapsTest, BeginsANewMapWhenItIsTold) {
     for (const Request& request : RequestsOf(output.requests, "link_maps")) links.push_back(request);
   }
   ASSERT_GE(tracker_->replicas().at(second).map().keyframes().size(), 10u);
-  ASSERT_THAT(links, SizeIs(1));
+  ASSERT_FALSE(links.empty());
   const Sim3d truth = mapper_->MapFromWorld(second) * mapper_->MapFromWorld(first).Inverse();
-  EXPECT_NEAR(links[0].map_from_other.scale / truth.scale, 1, 0.01);
+  for (const Request& link : links) EXPECT_NEAR(link.map_from_other.scale / truth.scale, 1, 0.01);
 }
 
 TEST_F(TrackerMapsTest, LocalisationOnlyChangesNoMap) {
