@@ -295,16 +295,9 @@ Status MapStore::ExportMap(MapId id, const std::string& path) {
 }
 
 Result<MapStore::Content> MapStore::Load() {
-  std::vector<StoredMap> maps;
-  Result<Content> content = Load([&](StoredMap map) { maps.push_back(std::move(map)); });
-  if (content) content->maps = std::move(maps);
-  return content;
-}
-
-Result<MapStore::Content> MapStore::Load(const std::function<void(StoredMap map)>& take_map) {
   Content content;
   if (Status loaded = LoadOwnerships(&content); !loaded) return At(loaded.error());
-  if (Status loaded = LoadMaps(&content, take_map); !loaded) return At(loaded.error());
+  if (Status loaded = LoadMaps(&content); !loaded) return At(loaded.error());
   if (Status loaded = LoadGraph(&content); !loaded) return At(loaded.error());
   return content;
 }
@@ -316,7 +309,7 @@ Status MapStore::LoadOwnerships(Content* content) {
   });
 }
 
-Status MapStore::LoadMaps(Content* content, const std::function<void(StoredMap map)>& take_map) {
+Status MapStore::LoadMaps(Content* content) {
   Result<SqlStatement> query = database_.Prepare("SELECT id, state FROM map ORDER BY id");
   if (!query) return query.error();
   for (;;) {
@@ -331,7 +324,7 @@ Status MapStore::LoadMaps(Content* content, const std::function<void(StoredMap m
       continue;
     }
     members_[id] = Members(map->snapshot);
-    take_map(std::move(*map));
+    content->maps.push_back(std::move(*map));
   }
 }
 

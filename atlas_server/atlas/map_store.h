@@ -48,8 +48,6 @@ class MapStore {
   };
   /// Fails when the file as a whole can't be read.
   Result<Content> Load();
-  /// Hands the maps over one by one in place of collecting them: all of an atlas at once may be more than memory holds.
-  Result<Content> Load(const std::function<void(StoredMap map)>& take_map);
 
   /// One map, as Load() has it: for maps that are not kept in memory.
   Result<StoredMap> LoadMap(MapId id);
@@ -90,7 +88,7 @@ class MapStore {
   Status Remove(const std::vector<KeyFrameId>& keyframes);
   Result<StoredMap> Decode(std::string_view state);
   Result<KeyFrameData> ReadKeyFrame(KeyFrameId id);
-  Status LoadMaps(Content* content, const std::function<void(StoredMap map)>& take_map);
+  Status LoadMaps(Content* content);
   Status LoadOwnerships(Content* content);
   Status LoadGraph(Content* content);
   Status ReplaceGraph(const Graph& graph);

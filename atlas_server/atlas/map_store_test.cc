@@ -209,19 +209,6 @@ TEST_F(MapStoreTest, RefusesANewerSchema) {
   EXPECT_THAT(OpenError(path_), HasSubstr("newer Portolan (schema 3"));
 }
 
-TEST_F(MapStoreTest, HandsItsMapsOverOneByOne) {
-  const auto store = Open(path_);
-  ASSERT_TRUE(Save(store.get(), MakeMap(3)).ok());
-  MapDelta other = MakeMap(3).Snapshot();
-  other.map = MapId(0, 1, 4);
-  ASSERT_TRUE(store->SaveMap(other).ok());
-  std::vector<MapId> maps;
-  const auto content = store->Load([&](StoredMap map) { maps.push_back(map.snapshot.map); });
-  ASSERT_TRUE(content.ok());
-  EXPECT_EQ(maps, (std::vector<MapId>{MapId(0, 1, 3), MapId(0, 1, 4)}));
-  EXPECT_TRUE(content->maps.empty());
-}
-
 /// What schema 2 has and schema 1 had not, taken out again.
 void MakeSchema1(const fs::path& path) {
   auto database = SqlDatabase::Open(path);

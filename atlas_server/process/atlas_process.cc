@@ -48,25 +48,15 @@ AtlasProcess::~AtlasProcess() {
 
 Status AtlasProcess::LoadStore() {
   if (store_ == nullptr) return Ok{};
-  std::map<MapId, Epoch> epochs;
-  const Result<MapStore::Content> content = store_->Load([&](StoredMap stored) {
-    const MapId map = stored.snapshot.map;
-    epochs[map] = stored.snapshot.epoch;
-    shelf_.replicas().AddDelta(std::move(stored.snapshot));  // first: data that no delta waits for is soon dropped
-    for (KeyFrameData& data : stored.keyframes) {
-      const KeyFrameId id = data.id;
-      shelf_.AddKeyFrame(map, std::move(data));
-      shelf_.OnStored(id);
-    }
-    shelf_.ApplyPending();  // the points take their descriptors
-    shelf_.Trim();
-    status_.AssertLiveliness();
-  });
+  Result<MapStore::Content> content = store_->Load();
   if (!content) return content.error();
   for (const std::string& problem : content->problems) spdlog::error("{}", problem);
   atlas_.Restore(content->ownerships, MapGraph(content->graph));
-  for (const auto& [map, epoch] : epochs) atlas_.OnEpoch(map, epoch);
   saved_graph_ = atlas_.graph().version();
+  for (MapStore::StoredMap& stored : content->maps) {
+    atlas_.OnEpoch(stored.snapshot.map, stored.snapshot.epoch);
+    TakeIn(std::move(stored), true);
+  }
   for (const auto& [id, replica] : shelf_.maps()) {
     if (replica.NeedsSnapshot()) {
       spdlog::error("atlas store '{}': map {} is no valid map and left out: {}", store_->path(), ToString(id),
