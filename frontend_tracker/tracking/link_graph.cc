@@ -85,10 +85,10 @@ std::optional<Sim3d> LinkGraph::Find(MapId target, MapId source) const {
   return target_from_source;
 }
 
-std::vector<MapId> LinkGraph::Reachable(MapId from) const {
+std::vector<MapId> LinkGraph::Reachable(MapId from, int max_links) const {
   std::vector<std::tuple<int, int, MapId>> order;
   for (const auto& [map, way] : Search(from)) {
-    if (map != from) order.emplace_back(-Activity(from, map), way.second, map);
+    if (map != from && way.second <= max_links) order.emplace_back(-Activity(from, map), way.second, map);
   }
   std::sort(order.begin(), order.end());
   std::vector<MapId> maps;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <limits>
 #include <map>
 #include <optional>
 #include <utility>
@@ -37,7 +38,8 @@ class LinkGraph {
   /// target_from_source along the fewest links, as the maps are now; none if there is no way.
   std::optional<Sim3d> Find(MapId target, MapId source) const;
   /// Maps that can be reached: those with most mutual activity with `from` first, then by number of links on the way, then by id.
-  std::vector<MapId> Reachable(MapId from) const;
+  /// @param max_links on the way; each adds its drift.
+  std::vector<MapId> Reachable(MapId from, int max_links = std::numeric_limits<int>::max()) const;
   int Activity(MapId a, MapId b) const;
   size_t num_links() const { return links_.size(); }
 

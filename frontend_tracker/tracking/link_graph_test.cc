@@ -45,6 +45,7 @@ TEST_F(LinkGraphTest, ReachableMapsComeByMutualActivity) {
   graph_.Link({kA, {}}, {kC, {}}, Sim3d());
   graph_.Link({kB, {}}, {kD, {}}, Sim3d());
   EXPECT_THAT(graph_.Reachable(kA), ElementsAre(kB, kC, kD));
+  EXPECT_THAT(graph_.Reachable(kA, 1), ElementsAre(kB, kC));
   graph_.NoteActivity(kD, kA);
   graph_.NoteActivity(kA, kD);
   graph_.NoteActivity(kA, kC);

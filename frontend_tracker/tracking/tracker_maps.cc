@@ -20,6 +20,7 @@ constexpr size_t kLookBackOverlaps = 16;       // enough
 constexpr size_t kLinkedMapsPerFrame = 2;      // tried by their Sim3
 constexpr int kLeavingFrames = 3;              // one after another, for a full map to end there
 constexpr int kFailedFramesFirst = 2;          // a picture or two that the active map does not explain are no reason to leave it
+constexpr int kMaxLinks = 2;                   // on the way to a map that is tried by its Sim3: drift may show another place that looks alike
 constexpr size_t kMapsByWordsPerFrame = 2;     // tried by words: the rest has its turn with later frames
 constexpr double kMinShareOfPoints = 0.5;      // that a linked map must have of the points which the full map tracks, to be gone over into
 
@@ -139,7 +140,7 @@ bool Tracker::GoOnInLinkedMap(Frame* frame, bool is_tracked) {
   if (move_ && !is_tracked && TryPlannedMove(frame, false)) return true;
   if (!is_tracked && lost_frames_ < kFailedFramesFirst) return false;
   size_t tried = 0;
-  for (const MapId id : links_.Reachable(active_map_)) {
+  for (const MapId id : links_.Reachable(active_map_, kMaxLinks)) {
     const Map* map = maps_.Find(id);
     if (map == nullptr || map->keyframes().empty() || id == beginning_.map()) continue;
     const std::optional<Sim3d> map_from_active = links_.Find(id, active_map_);
