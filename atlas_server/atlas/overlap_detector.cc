@@ -8,6 +8,12 @@
 #include "base/time.h"
 
 namespace portolan {
+namespace {
+
+// Keyframes whose scores are accumulated over their neighbours, over all maps: with many maps fewer of each, three at least.
+constexpr size_t kMaxScored = 60, kMinScoredOfMap = 3;
+
+}  // namespace
 
 Status OverlapOptions::Check() const {
   const auto require = [](bool holds, const char* field, auto value, const char* expected) {
@@ -103,8 +109,10 @@ std::vector<OverlapDetector::Found> OverlapDetector::FindConsistent(const BowVec
   };
   std::vector<Ranked> ranked;
   std::unordered_set<KeyFrameId> round;
+  CandidateOptions options = options_.candidates;
+  options.most_scored = std::min(options.most_scored, std::max(kMinScoredOfMap, kMaxScored / std::max<size_t>(maps.size(), 1)));
   for (size_t m = 0; m < maps.size(); ++m) {
-    const std::vector<Candidate> candidates = FindCandidates(bow, *maps[m]->words, *maps[m]->map, options_.candidates, nullptr);
+    const std::vector<Candidate> candidates = FindCandidates(bow, *maps[m]->words, *maps[m]->map, options, nullptr);
     detection->candidates += static_cast<int>(candidates.size());
     for (size_t i = 0; i < candidates.size(); ++i) {
       const std::vector<KeyFrameId> group = GroupOf(*maps[m]->map, candidates[i].keyframe);
