@@ -12,6 +12,8 @@ namespace {
 
 // Keyframes whose scores are accumulated over their neighbours, over all maps: with many maps fewer of each, three at least.
 constexpr size_t kMaxScored = 60, kMinScoredOfMap = 3;
+// Keyframes for which a map keeps its turn: for as many candidates must be consistent, and two keyframes agree.
+constexpr int kTurn = 8;
 
 }  // namespace
 
@@ -90,7 +92,8 @@ std::vector<const OtherMap*> OverlapDetector::ChooseMaps(const std::vector<Other
   const size_t rest = others.size() - next;
   size_t taken = 0;
   while (taken < rest && take(others[next + (memory->turn + taken) % rest])) ++taken;
-  memory->turn = rest == 0 ? 0 : (memory->turn + taken) % rest;
+  if (rest == 0) memory->turn = 0;
+  else if (memory->round % kTurn == 0) memory->turn = (memory->turn + taken) % rest;
   return chosen;
 }
 
