@@ -15,7 +15,7 @@ constexpr size_t kMaxScored = 60, kMinScoredOfMap = 3;
 // Keyframes for which a map keeps its turn: for as many candidates must be consistent, and two keyframes agree.
 constexpr int kTurn = 8;
 // Words looked up, over all maps: each takes a walk through memory in each map's index. With many maps the most telling ones.
-constexpr size_t kMaxWords = 8000;
+constexpr size_t kMaxWords = 4000;
 
 /// Those with the largest weights, of equal ones the first; sorted by word.
 BowVector MostTelling(const BowVector& bow, size_t most) {
