@@ -8,6 +8,26 @@
 #include "base/time.h"
 
 namespace portolan {
+namespace {
+
+// Keyframes whose scores are accumulated over their neighbours, over all maps: with many maps fewer of each, three at least.
+constexpr size_t kMaxScored = 60, kMinScoredOfMap = 3;
+// Keyframes for which a map keeps its turn: for as many candidates must be consistent, and two keyframes agree.
+constexpr int kTurn = 8;
+// Words looked up, over all maps: each takes a walk through memory in each map's index. With many maps the most telling ones.
+constexpr size_t kMaxWords = 4000;
+
+/// Those with the largest weights, of equal ones the first; sorted by word.
+BowVector MostTelling(const BowVector& bow, size_t most) {
+  if (bow.size() <= most) return bow;
+  BowVector telling = bow;
+  std::stable_sort(telling.begin(), telling.end(), [](const auto& a, const auto& b) { return a.second > b.second; });
+  telling.resize(most);
+  std::sort(telling.begin(), telling.end());
+  return telling;
+}
+
+}  // namespace
 
 Status OverlapOptions::Check() const {
   const auto require = [](bool holds, const char* field, auto value, const char* expected) {
@@ -84,7 +104,8 @@ std::vector<const OtherMap*> OverlapDetector::ChooseMaps(const std::vector<Other
   const size_t rest = others.size() - next;
   size_t taken = 0;
   while (taken < rest && take(others[next + (memory->turn + taken) % rest])) ++taken;
-  memory->turn = rest == 0 ? 0 : (memory->turn + taken) % rest;
+  if (rest == 0) memory->turn = 0;
+  else if (memory->round % kTurn == 0) memory->turn = (memory->turn + taken) % rest;
   return chosen;
 }
 
@@ -103,8 +124,11 @@ std::vector<OverlapDetector::Found> OverlapDetector::FindConsistent(const BowVec
   };
   std::vector<Ranked> ranked;
   std::unordered_set<KeyFrameId> round;
+  CandidateOptions options = options_.candidates;
+  options.most_scored = std::min(options.most_scored, std::max(kMinScoredOfMap, kMaxScored / std::max<size_t>(maps.size(), 1)));
+  const BowVector words = MostTelling(bow, kMaxWords / std::max<size_t>(maps.size(), 1));
   for (size_t m = 0; m < maps.size(); ++m) {
-    const std::vector<Candidate> candidates = FindCandidates(bow, *maps[m]->words, *maps[m]->map, options_.candidates, nullptr);
+    const std::vector<Candidate> candidates = FindCandidates(words, *maps[m]->words, *maps[m]->map, options, nullptr);
     detection->candidates += static_cast<int>(candidates.size());
     for (size_t i = 0; i < candidates.size(); ++i) {
       const std::vector<KeyFrameId> group = GroupOf(*maps[m]->map, candidates[i].keyframe);
