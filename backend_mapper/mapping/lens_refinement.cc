@@ -7,6 +7,8 @@
 #include <map>
 #include <vector>
 
+#include "map_optimization/global_bundle_adjustment.h"
+#include "map_optimization/map_correction.h"
 #include "mapping/newest_keyframes.h"
 #include "optimization/lens_adjustment.h"
 
@@ -85,6 +87,16 @@ LensFinding FindRadialResidual(const BundleProblem& problem, const LensRefinemen
                               : "left as it is");
   if (is_significant) return {adjusted->residual, true};
   return {{}, is_focal && evidence >= kSettlingEvidence * options.min_evidence};
+}
+
+MapCorrection AdaptToResidual(Map map, const RadialResidual& residual, const std::atomic<bool>* stop) {
+  map.SetResidual(map.keyframes().rbegin()->second.data->camera, residual);
+  auto adjusted = AdjustGlobally(map, {}, stop, nullptr);
+  if (adjusted.ok()) return std::move(adjusted).value();
+  spdlog::info("lens: the map stays where it is: {}", adjusted.error().message);
+  MapCorrection unmoved = EmptyCorrection(map, "lens");
+  for (const auto& [id, keyframe] : map.keyframes()) unmoved.keyframes.push_back({id, Sim3d(keyframe.camera_from_map)});
+  return unmoved;
 }
 
 }  // namespace portolan

@@ -1,7 +1,10 @@
 #pragma once
 
+#include <atomic>
+
 #include "geometry/camera_model.h"
 #include "map/map.h"
+#include "map/protocol.h"
 #include "mapping/mapper_options.h"
 #include "optimization/bundle_adjustment.h"
 
@@ -23,5 +26,10 @@ BundleProblem MakeLensProblem(const Map& map, const LensRefinementOptions& optio
 /// at the rim by options.min_shift_px or more, and explains the map far better than none does and better than another
 /// focal length would. With an exact calibration nothing is. Takes some 0.2 s. Thread-safe.
 LensFinding FindRadialResidual(const BundleProblem& problem, const LensRefinementOptions& options);
+
+/// What becomes of a map once the residual is taken out of all keyframes of its newest keyframe's camera: global BA over it, as a proposal for
+/// LocalMapper::TakeResidual. @param map a copy to work on. `stop` (may be null) ends it early, with the poses as they are. Takes some 0.5 s for a
+/// hundred keyframes. Thread-safe.
+MapCorrection AdaptToResidual(Map map, const RadialResidual& residual, const std::atomic<bool>* stop);
 
 }  // namespace portolan

@@ -79,11 +79,14 @@ class LocalMapper {
   /// until it is found. It is long work, so that the caller does it beside this one's, and brings the finding.
   std::optional<BundleProblem> NextLensProblem();
   void TakeLensFinding(const LensFinding& finding);
-  /// What it found, for the frames to come; none before, and for an exact calibration.
-  const RadialResidual& residual() const { return residual_; }
+  /// Whether keyframes of the newest one's camera still have the residual in their features.
+  bool LacksResidual(const RadialResidual& residual) const;
+  /// Takes a residual out of all keyframes of the newest one's camera, with what AdaptToResidual made of a copy of the map, and publishes it. Fails,
+  /// changing nothing, when another correction was applied since the copy was made.
+  Status TakeResidual(const RadialResidual& residual, const MapCorrection& adaptation);
 
   /// Applies a proposal of another process and publishes it; fails, changing nothing, when it does not fit (see
-  /// ApplyMapCorrection).
+  /// ApplyMapCorrection) or was made before the map's features changed (TakeResidual).
   Status ApplyCorrection(const MapCorrection& correction);
 
   /// Milliseconds of the steps: insert, extend, fuse, local_ba, prune.
@@ -101,7 +104,8 @@ class LocalMapper {
   StageTimes stage_times_;
   KeyFrameId newest_;  // the keyframe that the steps work on
   PointProbation probation_;
-  RadialResidual residual_;
+  Revision last_correction_ = 0;  // the map's revision after it
+  Revision last_residual_ = 0;    // after TakeResidual
   int next_lens_refinement_;  // number of keyframes; a map taken over may hold frames from before and after a refinement
   Successors<MapPointId> merged_points_;  // the tracker may still name what was merged or removed here
   Successors<KeyFrameId> removed_keyframes_;

@@ -35,6 +35,7 @@ MapDelta Map::TakeDelta() {
   delta.map = id_;
   delta.epoch = epoch_;
   delta.base_revision = revision_;
+  delta.residuals = residuals_;
   delta.removed_points = std::move(changes_.removed_points);
   delta.removed_keyframes = std::move(changes_.removed_keyframes);
   for (const KeyFrameId id : changes_.keyframes) delta.keyframes.push_back(StateOf(keyframe(id)));
@@ -54,6 +55,7 @@ MapDelta Map::Snapshot() const {
   delta.epoch = epoch_;
   delta.base_revision = 0;
   delta.revision = revision_;
+  delta.residuals = residuals_;
   // Parents before children, so that a part of a snapshot never refers ahead: ids rise with age.
   for (const auto& [id, keyframe] : keyframes_) delta.keyframes.push_back(StateOf(keyframe));
   size_t num_observations = 0;
@@ -107,11 +109,12 @@ Status Map::Apply(const MapDelta& delta, const FindData& find_data) {
 void Map::DropAppearance(KeyFrameId id, std::shared_ptr<const KeyFrameData> bare) {
   KeyFrame& keyframe = MutableKeyFrame(id);
   PORTOLAN_CHECK(bare->id == id && bare->features.size() == keyframe.landmarks.num_features()) << "data of " << bare->id;
-  keyframe.data = std::move(bare);
+  keyframe.data = WithKnownResidual(std::move(bare));
 }
 
 void Map::ApplyChecked(const MapDelta& delta, const FindData& find_data) {
   ApplyRemovals(delta);
+  if (delta.residuals != residuals_) TakeResiduals(delta.residuals);
   for (const auto& state : delta.keyframes) {
     if (keyframes_.count(state.id) == 0) AddKeyFrame(find_data(state.id), state.camera_from_map, KeyFrameId());
     SetPose(state.id, state.camera_from_map);

@@ -92,6 +92,9 @@ bool MapReplica::TryApply(MapDelta* delta) {
   ++counters_.applied;
   delta->removed_keyframes.insert(delta->removed_keyframes.end(), vanished.begin(), vanished.end());
   for (const auto& removed : delta->removed_keyframes) data_.erase(removed.id);
+  for (const auto& state : delta->keyframes) {  // as the map has it: its residual may have changed it
+    if (const auto found = data_.find(state.id); found != data_.end()) found->second = map_.keyframe(state.id).data;
+  }
   return true;
 }
 

@@ -58,6 +58,7 @@ Frame Tracker::MakeFrame(const Image& image) {
   data.stamp = image.stamp;
   data.frame = image.frame;
   data.camera = camera_.pinhole;
+  data.residual = camera_.residual;
   data.pyramid = options_.orb.pyramid;
   data.features = extractor_.Extract(image.grey, camera_);
   QuantizeFeatures(&data.features, data.camera);  // here already, so that the tracker computes with what the others receive
