@@ -169,10 +169,9 @@ std::vector<KeyFrameId> LocalMapper::Prune() {
   return pruned;
 }
 
-std::optional<BundleProblem> LocalMapper::NextLensProblem() {
+std::optional<LensProblem> LocalMapper::NextLensProblem() {
   const auto keyframes = static_cast<int>(map_.keyframes().size());
   if (keyframes < next_lens_refinement_ || keyframes > options_.lens.max_keyframes) return std::nullopt;
-  if (!map_.keyframes().rbegin()->second.data->residual.IsNone()) return std::nullopt;  // its camera's is known
   next_lens_refinement_ = static_cast<int>(options_.lens.growth * keyframes);
   return MakeLensProblem(map_, options_.lens);
 }

@@ -75,9 +75,9 @@ class LocalMapper {
   /// Hands the whole map to `publish`.
   void PublishSnapshot();
 
-  /// What to look for the calibration's residual in (FindRadialResidual), whenever the map has grown by enough (see LensRefinementOptions) and
-  /// until it is found. It is long work, so that the caller does it beside this one's, and brings the finding.
-  std::optional<BundleProblem> NextLensProblem();
+  /// What to look for the calibration's residual in (FindRadialResidual), whenever the map has grown by enough (see LensRefinementOptions): a
+  /// larger map tells more exactly. It is long work, so that the caller does it beside this one's, and brings the finding.
+  std::optional<LensProblem> NextLensProblem();
   void TakeLensFinding(const LensFinding& finding);
   /// Whether keyframes of the newest one's camera still have the residual in their features.
   bool LacksResidual(const RadialResidual& residual) const;

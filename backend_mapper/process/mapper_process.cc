@@ -224,10 +224,7 @@ void MapperProcess::Take(LocalMapper* mapper, const KeyFrameMessage& message) {
 
 void MapperProcess::RefineLens(MapId map, LocalMapper* mapper) {
   if (!options_.lens.enabled || background_.busy()) return;
-  if (!residual_.IsNone()) {  // found, here or in another map
-    if (mapper->LacksResidual(residual_)) AdaptMap(mapper);
-    return;
-  }
+  if (mapper->LacksResidual(residual_)) return AdaptMap(mapper);  // found in another map, or this one was corrected meanwhile
   auto problem = mapper->NextLensProblem();
   if (!problem) return;
   state_.is_refining = true;
@@ -242,8 +239,10 @@ void MapperProcess::OnLensFinding(MapId map, Epoch epoch, const LensFinding& fin
   const auto mapper = mappers_.find(map);
   if (mapper != mappers_.end() && mapper->second->map().epoch() == epoch) {
     mapper->second->TakeLensFinding(finding);
-    residual_ = finding.residual;
-    if (!finding.residual.IsNone()) AdaptMap(mapper->second.get());
+    if (!finding.residual.IsNone()) {
+      residual_ = finding.residual;
+      AdaptMap(mapper->second.get());
+    }
   }
   PublishState(keyframes_waiting_ == 0);
 }

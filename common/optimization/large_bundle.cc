@@ -2,7 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Sparse>
-#include <Eigen/SparseCholesky>
+#include <Eigen/OrderingMethods>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -17,7 +17,6 @@ namespace {
 
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 using Matrix63d = Eigen::Matrix<double, 6, 3>;
-using SparseMatrix = Eigen::SparseMatrix<double>;
 
 constexpr double kFirstDamping = 1e-6;  // of the diagonal: little, as what is left to correct bends the whole map
 constexpr double kLeastDamping = 1e-9;
@@ -44,70 +43,154 @@ struct Elimination {
   std::vector<std::pair<int, Matrix63d>> poses;  // free poses that see it, by number, and their mixed blocks
 };
 
-/// The reduced system's lower triangle, made of 6x6 blocks of poses that see a point in common, as a compressed matrix.
+/// The reduced system: symmetric, of 6x6 blocks where two poses see a point in common, and its Cholesky factor, which takes its place.
 class ReducedSystem {
  public:
   /// @param partners of each free pose, those of higher number, in order.
-  explicit ReducedSystem(std::vector<std::vector<int>> partners) : partners_(std::move(partners)) {
-    const auto size = static_cast<Eigen::Index>(6 * partners_.size());
-    matrix_.resize(size, size);
-    Eigen::Matrix<int, Eigen::Dynamic, 1> counts(size);
-    for (size_t j = 0; j < partners_.size(); ++j) {
-      for (int c = 0; c < 6; ++c) counts[static_cast<Eigen::Index>(6 * j) + c] = 6 - c + 6 * static_cast<int>(partners_[j].size());
-    }
-    matrix_.reserve(counts);
-    for (size_t j = 0; j < partners_.size(); ++j) {
-      const int column = 6 * static_cast<int>(j);
-      for (int c = 0; c < 6; ++c) {
-        for (int r = c; r < 6; ++r) matrix_.insert(column + r, column + c) = 0;
-        for (const int i : partners_[j]) {
-          for (int r = 0; r < 6; ++r) matrix_.insert(6 * i + r, column + c) = 0;
-        }
+  explicit ReducedSystem(const std::vector<std::vector<int>>& partners) {
+    const size_t size = partners.size();
+    FindOrder(partners);
+    std::vector<std::vector<int>> children(size);
+    columns_.resize(size);
+    for (size_t j = 0; j < size; ++j) {
+      for (const int i : partners[j]) {
+        const int row = std::max(place_[j], place_[static_cast<size_t>(i)]), column = std::min(place_[j], place_[static_cast<size_t>(i)]);
+        columns_[static_cast<size_t>(column)].rows.push_back(row);
       }
     }
-    matrix_.makeCompressed();
-    gradient.resize(size);
-    pose_diagonal.resize(size);
+    size_t blocks = 0;
+    for (size_t k = 0; k < size; ++k) {  // what elimination fills in passes on to the next pose that it couples
+      std::vector<int>& rows = columns_[k].rows;
+      for (const int child : children[k]) {
+        const std::vector<int>& passed = columns_[static_cast<size_t>(child)].rows;
+        rows.insert(rows.end(), passed.begin() + 1, passed.end());
+      }
+      std::sort(rows.begin(), rows.end());
+      rows.erase(std::unique(rows.begin(), rows.end()), rows.end());
+      rows.shrink_to_fit();
+      if (!rows.empty()) children[static_cast<size_t>(rows.front())].push_back(static_cast<int>(k));
+      columns_[k].first = blocks;
+      blocks += 1 + rows.size();
+    }
+    blocks_.resize(blocks);
+    gradient.resize(static_cast<Eigen::Index>(6 * size));
+    pose_diagonal.resize(static_cast<Eigen::Index>(6 * size));
   }
 
   void SetZero() {
-    std::fill(matrix_.valuePtr(), matrix_.valuePtr() + matrix_.nonZeros(), 0.0);
+    for (Matrix6d& block : blocks_) block.setZero();
     gradient.setZero();
     pose_diagonal.setZero();
   }
 
-  /// Adds to the block in row i and column j <= i; of a diagonal block the lower triangle counts.
+  /// Adds to the block in row i and column j, and to its mirror image.
   void Add(int i, int j, const Matrix6d& block) {
-    if (i == j) {
-      for (int c = 0; c < 6; ++c) {
-        double* values = Column(j, c);
-        for (int r = c; r < 6; ++r) values[r - c] += block(r, c);
-      }
-      return;
-    }
-    const std::vector<int>& rows = partners_[static_cast<size_t>(j)];
-    const auto place = std::lower_bound(rows.begin(), rows.end(), i) - rows.begin();
-    for (int c = 0; c < 6; ++c) {
-      double* values = Column(j, c) + (6 - c) + 6 * place;
-      for (int r = 0; r < 6; ++r) values[r] += block(r, c);
+    const int row = place_[static_cast<size_t>(i)], column = place_[static_cast<size_t>(j)];
+    if (row == column) {
+      Diagonal(row) += block;
+    } else if (row > column) {
+      Below(column, row) += block;
+    } else {
+      Below(row, column) += block.transpose();
     }
   }
 
   /// By a share of what the poses' own blocks were before elimination.
   void Damp(double share) {
-    for (Eigen::Index k = 0; k < matrix_.cols(); ++k) matrix_.valuePtr()[matrix_.outerIndexPtr()[k]] += share * pose_diagonal[k] + kTiny;
+    constexpr double kTiny = 1e-12;  // for a pose that nothing holds
+    for (size_t i = 0; i < place_.size(); ++i) {
+      Diagonal(place_[i]).diagonal().array() += share * pose_diagonal.segment<6>(static_cast<Eigen::Index>(6 * i)).array() + kTiny;
+    }
   }
 
-  const SparseMatrix& matrix() const { return matrix_; }
-  Eigen::VectorXd gradient;       // negative
-  Eigen::VectorXd pose_diagonal;  // of the poses' own blocks
+  /// @return false if the system is not positive definite; its blocks are of no use then.
+  bool Factorize() {
+    for (size_t k = 0; k < columns_.size(); ++k) {
+      const std::vector<int>& rows = columns_[k].rows;
+      Matrix6d* below = &blocks_[columns_[k].first] + 1;
+      const Eigen::LLT<Matrix6d> factor(below[-1]);
+      if (factor.info() != Eigen::Success) return false;
+      const Matrix6d lower = factor.matrixL();
+      below[-1] = lower;
+      for (size_t s = 0; s < rows.size(); ++s) {
+        below[s] = lower.triangularView<Eigen::Lower>().solve(below[s].transpose()).transpose().eval();
+      }
+      for (size_t s = 0; s < rows.size(); ++s) Update(rows, below, s);
+    }
+    return true;
+  }
+
+  /// The step that the factorised system gives for `gradient`.
+  Eigen::VectorXd Solve() const {
+    Eigen::VectorXd x(gradient.size());
+    for (size_t i = 0; i < place_.size(); ++i) x.segment<6>(6 * place_[i]) = gradient.segment<6>(static_cast<Eigen::Index>(6 * i));
+    for (size_t k = 0; k < columns_.size(); ++k) {
+      auto own = x.segment<6>(static_cast<Eigen::Index>(6 * k));
+      const Matrix6d* block = &blocks_[columns_[k].first];
+      block->triangularView<Eigen::Lower>().solveInPlace(own);
+      for (const int row : columns_[k].rows) x.segment<6>(6 * row).noalias() -= *++block * own;
+    }
+    for (size_t k = columns_.size(); k-- > 0;) {
+      auto own = x.segment<6>(static_cast<Eigen::Index>(6 * k));
+      const Matrix6d* diagonal = &blocks_[columns_[k].first];
+      const Matrix6d* block = diagonal;
+      for (const int row : columns_[k].rows) own.noalias() -= (++block)->transpose() * x.segment<6>(6 * row);
+      diagonal->triangularView<Eigen::Lower>().transpose().solveInPlace(own);
+    }
+    Eigen::VectorXd step(gradient.size());
+    for (size_t i = 0; i < place_.size(); ++i) step.segment<6>(static_cast<Eigen::Index>(6 * i)) = x.segment<6>(6 * place_[i]);
+    return step;
+  }
+
+  Eigen::VectorXd gradient;       // negative, by pose
+  Eigen::VectorXd pose_diagonal;  // of the poses' own blocks, by pose
 
  private:
-  static constexpr double kTiny = 1e-12;  // for a pose that nothing holds
-  double* Column(int j, int c) { return matrix_.valuePtr() + matrix_.outerIndexPtr()[6 * j + c]; }
+  struct Column {
+    std::vector<int> rows;  // below the diagonal, in order
+    size_t first = 0;       // the diagonal's block; those of rows follow
+  };
 
-  std::vector<std::vector<int>> partners_;
-  SparseMatrix matrix_;
+  /// The order of elimination that fills in little (approximate minimum degree).
+  void FindOrder(const std::vector<std::vector<int>>& partners) {
+    const auto size = static_cast<Eigen::Index>(partners.size());
+    std::vector<Eigen::Triplet<double>> coupled;
+    for (int j = 0; j < size; ++j) {
+      coupled.emplace_back(j, j, 1.0);
+      for (const int i : partners[static_cast<size_t>(j)]) {
+        coupled.emplace_back(i, j, 1.0);
+        coupled.emplace_back(j, i, 1.0);
+      }
+    }
+    Eigen::SparseMatrix<double> pattern(size, size);
+    pattern.setFromTriplets(coupled.begin(), coupled.end());
+    Eigen::AMDOrdering<int>::PermutationType order;
+    Eigen::AMDOrdering<int>()(pattern, order);
+    place_.resize(partners.size());
+    for (int k = 0; k < size; ++k) place_[static_cast<size_t>(order.indices()[k])] = k;
+  }
+
+  Matrix6d& Diagonal(int k) { return blocks_[columns_[static_cast<size_t>(k)].first]; }
+  Matrix6d& Below(int column, int row) {
+    const Column& of = columns_[static_cast<size_t>(column)];
+    return blocks_[of.first + 1 + static_cast<size_t>(std::lower_bound(of.rows.begin(), of.rows.end(), row) - of.rows.begin())];
+  }
+
+  /// Takes what block s of a finished column and those below it (at `below`) contribute out of column rows[s].
+  void Update(const std::vector<int>& rows, const Matrix6d* below, size_t s) {
+    const Column& target = columns_[static_cast<size_t>(rows[s])];
+    Matrix6d* block = &blocks_[target.first];
+    block->noalias() -= below[s] * below[s].transpose();
+    size_t at = 0;
+    for (size_t t = s + 1; t < rows.size(); ++t) {
+      while (target.rows[at] != rows[t]) ++at;  // all of them are there: they were passed on
+      block[1 + at].noalias() -= below[t] * below[s].transpose();
+    }
+  }
+
+  std::vector<int> place_;       // of each pose in the order of elimination
+  std::vector<Column> columns_;  // by place
+  std::vector<Matrix6d> blocks_;
 };
 
 class LargeBundle {
@@ -125,8 +208,6 @@ class LargeBundle {
   BundleSummary Solve(const std::atomic<bool>* stop) {
     BundleSummary summary;
     ReducedSystem system(FindPartners());
-    Eigen::SimplicialLDLT<SparseMatrix, Eigen::Lower> solver;
-    if (num_free_ > 0) solver.analyzePattern(system.matrix());
     double cost = Cost(poses_, points_);
     summary.initial_cost = summary.final_cost = cost;
     if (!std::isfinite(cost)) return summary;
@@ -139,7 +220,7 @@ class LargeBundle {
       ++summary.iterations;
       std::vector<PoseState> poses = poses_;
       std::vector<Eigen::Vector3d> points = points_;
-      const bool stepped = Step(damping, &system, &solver, &poses, &points);
+      const bool stepped = Step(damping, &system, &poses, &points);
       const double stepped_cost = stepped ? Cost(poses, points) : std::numeric_limits<double>::infinity();
       if (!(stepped_cost < cost)) {
         damping *= kDampingRise;
@@ -267,8 +348,7 @@ class LargeBundle {
   }
 
   /// Moves poses and points by one damped step from the present state.
-  bool Step(double damping, ReducedSystem* system, Eigen::SimplicialLDLT<SparseMatrix, Eigen::Lower>* solver, std::vector<PoseState>* poses,
-            std::vector<Eigen::Vector3d>* points) const {
+  bool Step(double damping, ReducedSystem* system, std::vector<PoseState>* poses, std::vector<Eigen::Vector3d>* points) const {
     Elimination eliminated;
     Eigen::VectorXd step = Eigen::VectorXd::Zero(6 * num_free_);
     if (num_free_ > 0) {
@@ -278,9 +358,8 @@ class LargeBundle {
         Reduce(eliminated, system);
       }
       system->Damp(damping);
-      solver->factorize(system->matrix());
-      if (solver->info() != Eigen::Success) return false;
-      step = solver->solve(system->gradient);
+      if (!system->Factorize()) return false;
+      step = system->Solve();
       if (!step.allFinite()) return false;
     }
     for (size_t point = 0; point < points_.size(); ++point) {

@@ -231,8 +231,7 @@ void Tracker::AddKeyFrameData(std::shared_ptr<const KeyFrameData> data) {
 
 void Tracker::OnMapperState(const MapperState& state) {
   mapper_state_ = state;
-  // Once: later estimates would be of what the frames since then left, and of earlier ones that still have all of it.
-  if (camera_.residual.IsNone()) camera_.residual = state.residual;
+  if (!state.residual.IsNone()) camera_.residual = state.residual;  // a mapper that takes over may not know it yet
   if (awaited_keyframe_ && (state.last_keyframe == *awaited_keyframe_ || state.refused_keyframe == *awaited_keyframe_)) {
     awaited_keyframe_.reset();
   }

@@ -68,12 +68,10 @@ void Pipeline::Map(const KeyFrameMessage& message) {
 }
 
 void Pipeline::RefineLens(LocalMapper* mapper) {
-  if (residual_.IsNone()) {
-    const auto problem = mapper->NextLensProblem();
-    if (!problem) return;
+  if (const auto problem = mapper->NextLensProblem()) {
     const LensFinding finding = FindRadialResidual(*problem, mapper_options_.lens);
     mapper->TakeLensFinding(finding);
-    residual_ = finding.residual;
+    if (!finding.residual.IsNone()) residual_ = finding.residual;
   }
   if (!mapper->LacksResidual(residual_)) return;
   const Status taken = mapper->TakeResidual(residual_, AdaptToResidual(mapper->map(), residual_, nullptr));
