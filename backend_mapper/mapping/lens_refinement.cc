@@ -94,7 +94,7 @@ LensFinding FindRadialResidual(const LensProblem& lens_problem, const LensRefine
       adjusted->cost_focal <
       adjusted->cost_with;  // the calibration is wrong in another way, and the residual would only stand for it
   const bool is_significant = !is_focal && shift_px >= options.min_shift_px && Shift(adjusted->residual, {}, rim) < kMaxShiftShare * rim &&
-                              evidence >= options.min_evidence;
+                              evidence >= (known.IsNone() ? options.min_evidence : options.min_evidence_again);
   spdlog::info("lens: the calibration leaves k1 {:.4f} k2 {:.4f}, {:.2f} px from what is known, evidence {:.0f}: {}",
                adjusted->residual.k1, adjusted->residual.k2, shift_px, evidence,
                is_significant ? "taken in"

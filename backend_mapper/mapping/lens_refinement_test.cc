@@ -72,6 +72,18 @@ TEST(LensRefinementTest, AMapMadeThroughTheWrongLensComesRight) {
   EXPECT_LT(CentreError(map, truth), 0.3 * error_before);
 }
 
+TEST(LensRefinementTest, ABetterEstimateReplacesTheKnownOne) {
+  const RadialResidual lens{0.06, -0.09}, known{0.05, -0.04};
+  Map map = MapThrough(lens, 0.3);
+  map.SetResidual(map.keyframes().begin()->second.data->camera, known);
+  const LensProblem problem = MakeLensProblem(map, {});
+  EXPECT_EQ(problem.known, known);
+  const RadialResidual found = FindRadialResidual(problem, {}).residual;
+  EXPECT_NEAR(found.Distort({0.6, 0}).x(), lens.Distort({0.6, 0}).x(), 1e-3);
+  map.SetResidual(map.keyframes().begin()->second.data->camera, lens);
+  EXPECT_TRUE(FindRadialResidual(MakeLensProblem(map, {}), {}).residual.IsNone()) << "there is nothing new";
+}
+
 TEST(LensRefinementTest, LeavesAnExactCalibrationAlone) {
   EXPECT_TRUE(FindInMap(MapThrough({}, 0.3), {}).residual.IsNone());
 }
