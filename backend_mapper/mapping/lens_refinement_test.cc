@@ -58,7 +58,7 @@ double CentreError(const Map& map, const Map& truth) {
 
 TEST(LensRefinementTest, AMapMadeThroughTheWrongLensComesRight) {
   const RadialResidual lens{0.06, -0.09};
-  const Map truth = MapThrough(lens, 0.3);
+  const Map truth = MapThrough(lens, 0);  // noise would hide what the lens does to these few views
   // As a mapper that doesn't know the lens would have it.
   const auto wrong = AdjustGlobally(truth, {}, nullptr, nullptr);
   ASSERT_TRUE(wrong.ok()) << wrong.error().message;

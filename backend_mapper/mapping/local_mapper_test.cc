@@ -104,7 +104,8 @@ TEST_F(Mapper, TakesAResidualOutOfAllKeyFramesWhichReplicasFollow) {
   EXPECT_TRUE(mapper_->LacksResidual(lens));
   EXPECT_FALSE(mapper_->LacksResidual({}));
   MapCorrection stale = EmptyCorrection(mapper_->map(), "loop");
-  stale.keyframes.push_back({views_[5].data->id, Sim3d(mapper_->map().keyframe(views_[5].data->id).camera_from_map)});
+  const auto& [newest, keyframe_then] = *mapper_->map().keyframes().rbegin();
+  stale.keyframes.push_back({newest, Sim3d(keyframe_then.camera_from_map)});
   const MapCorrection adaptation = AdaptToResidual(mapper_->map(), lens, nullptr);
   const Status taken = mapper_->TakeResidual(lens, adaptation);
   ASSERT_TRUE(taken.ok()) << taken.error().message;
@@ -121,9 +122,10 @@ TEST_F(Mapper, AdaptsAgainToAMapThatWasCorrectedMeanwhile) {
   const RadialResidual lens{0.01, 0};
   const MapCorrection adaptation = AdaptToResidual(mapper_->map(), lens, nullptr);
   MapCorrection loop = EmptyCorrection(mapper_->map(), "loop");
-  Rigid3d moved = mapper_->map().keyframe(views_[5].data->id).camera_from_map;
+  const auto& [newest, keyframe] = *mapper_->map().keyframes().rbegin();
+  Rigid3d moved = keyframe.camera_from_map;
   moved.translation.x() += 0.01;
-  loop.keyframes.push_back({views_[5].data->id, Sim3d(moved)});
+  loop.keyframes.push_back({newest, Sim3d(moved)});
   ASSERT_TRUE(mapper_->ApplyCorrection(loop).ok());
   const uint64_t before = HashMap(mapper_->map());
   EXPECT_FALSE(mapper_->TakeResidual(lens, adaptation).ok());
