@@ -17,7 +17,8 @@
 namespace portolan {
 
 /// What a keyframe saw. Never changes after it is made: published once, shared by every replica. In a map whose camera's residual became
-/// known later it is replaced by WithResidual(), in every replica alike.
+/// known later it is replaced by WithResidual(), in every replica alike (within a step of the wire where one missed an earlier
+/// residual: locations are rounded each time).
 struct KeyFrameData {
   KeyFrameId id;
   Timestamp stamp;        ///< of the image, camera's clock

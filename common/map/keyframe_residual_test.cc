@@ -139,10 +139,25 @@ TEST_F(MapResidual, HoldsForKeyFramesToCome) {
 
 TEST_F(MapResidual, IsReplacedByALaterOne) {
   owner_.SetResidual(kCamera, kLens);
+  Follow(owner_.TakeDelta());
   owner_.SetResidual(kCamera, {0.01, 0});
   ASSERT_EQ(owner_.residuals().size(), 1u);
   EXPECT_EQ(owner_.keyframe(KeyFrameId(0, 1, 1)).data->residual, (RadialResidual{0.01, 0}));
   Follow(owner_.TakeDelta());
+}
+
+TEST_F(MapResidual, WhoMissedAnEarlierOneIsWithinStepsOfTheWire) {
+  owner_.SetResidual(kCamera, kLens);
+  owner_.SetResidual(kCamera, {0.01, 0});
+  replica_.AddDelta(owner_.TakeDelta());
+  ASSERT_EQ(replica_.ApplyPending().size(), 1u) << replica_.last_problem();
+  const FeatureSet& ours = owner_.keyframe(KeyFrameId(0, 1, 1)).data->features;
+  const FeatureSet& theirs = replica_.map().keyframe(KeyFrameId(0, 1, 1)).data->features;
+  for (size_t i = 0; i < ours.size(); ++i) {
+    const Eigen::Vector2f from_middle = ours.pixels_px[i] - Eigen::Vector2f(320, 240);
+    if (std::abs(from_middle.x()) > 290 || std::abs(from_middle.y()) > 220) continue;  // the edge forgets
+    EXPECT_LT((ours.pixels_px[i] - theirs.pixels_px[i]).norm(), 2 * kStep);
+  }
 }
 
 TEST_F(MapResidual, OutOfRangeIsRefused) {

@@ -126,8 +126,8 @@ TEST(MapIo, NamesWhatIsWrong) {
   const std::string bytes = EncodeKeyFrameData(example.data());
   EXPECT_NE(MessageOf(DecodeSnapshot(bytes)).find("PMAP"), std::string::npos);
   std::string newer = bytes;
-  newer[4] = 2;
-  EXPECT_NE(MessageOf(DecodeKeyFrameData(Reseal(newer))).find("form 2"), std::string::npos);
+  newer[4] = 3;
+  EXPECT_NE(MessageOf(DecodeKeyFrameData(Reseal(newer))).find("form 3"), std::string::npos);
   std::string damaged = bytes;
   damaged[kHeadBytes + 50] ^= 1;
   EXPECT_NE(MessageOf(DecodeKeyFrameData(damaged)).find("damaged"), std::string::npos);

@@ -78,7 +78,7 @@ struct Malformed {
 TEST(KeyFrameMessagesTest, RefusesWhatIsMalformedAndSaysWhy) {
   const std::vector<Malformed> cases = {
       {"id is none", [](wire::KeyFrame* w) { w->id(0); }},
-      {"kind is 4", [](wire::KeyFrame* w) { w->kind(4); }},
+      {"kind is 5", [](wire::KeyFrame* w) { w->kind(5); }},
       {"map of a tracked keyframe is none", [](wire::KeyFrame* w) { w->map_id(0); }},
       {"reference of an initial", [](wire::KeyFrame* w) { w->kind(2), w->reference(0); }},
       {"quaternion of norm", [](wire::KeyFrame* w) { w->camera_from_map().rotation()[3] += 2.0; }},
