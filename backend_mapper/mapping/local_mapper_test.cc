@@ -100,6 +100,42 @@ TEST_F(Mapper, BuildsAnAccurateMapThatReplicasFollow) {
   }
 }
 
+TEST_F(Mapper, TakesAResidualOutOfAllKeyFramesWhichReplicasFollow) {
+  RunAll();
+  const RadialResidual lens{0.01, 0};
+  EXPECT_TRUE(mapper_->LacksResidual(lens));
+  EXPECT_FALSE(mapper_->LacksResidual({}));
+  MapCorrection stale = EmptyCorrection(mapper_->map(), "loop");
+  const auto& [newest, keyframe_then] = *mapper_->map().keyframes().rbegin();
+  stale.keyframes.push_back({newest, Sim3d(keyframe_then.camera_from_map)});
+  const MapCorrection adaptation = AdaptToResidual(mapper_->map(), lens, nullptr);
+  const Status taken = mapper_->TakeResidual(lens, adaptation);
+  ASSERT_TRUE(taken.ok()) << taken.error().message;
+  EXPECT_FALSE(mapper_->LacksResidual(lens));
+  for (const auto& [id, keyframe] : replica_.keyframes()) EXPECT_EQ(keyframe.data->residual, lens);
+  EXPECT_EQ(HashMap(replica_), HashMap(mapper_->map()));
+  const Status late = mapper_->ApplyCorrection(stale);
+  ASSERT_FALSE(late.ok()) << "it was made with features that are no more";
+  EXPECT_THAT(late.error().message, HasSubstr("residual"));
+}
+
+TEST_F(Mapper, AdaptsAgainToAMapThatWasCorrectedMeanwhile) {
+  RunAll();
+  const RadialResidual lens{0.01, 0};
+  const MapCorrection adaptation = AdaptToResidual(mapper_->map(), lens, nullptr);
+  MapCorrection loop = EmptyCorrection(mapper_->map(), "loop");
+  const auto& [newest, keyframe] = *mapper_->map().keyframes().rbegin();
+  Rigid3d moved = keyframe.camera_from_map;
+  moved.translation.x() += 0.01;
+  loop.keyframes.push_back({newest, Sim3d(moved)});
+  ASSERT_TRUE(mapper_->ApplyCorrection(loop).ok());
+  const uint64_t before = HashMap(mapper_->map());
+  EXPECT_FALSE(mapper_->TakeResidual(lens, adaptation).ok());
+  EXPECT_EQ(HashMap(mapper_->map()), before);
+  EXPECT_TRUE(mapper_->LacksResidual(lens));
+  EXPECT_TRUE(mapper_->TakeResidual(lens, AdaptToResidual(mapper_->map(), lens, nullptr)).ok());
+}
+
 TEST_F(Mapper, TheSameInputGivesTheSameMap) {
   RunAll();
   const uint64_t first = HashMap(mapper_->map());

@@ -164,6 +164,7 @@ void MapperProcess::Take(LocalMapper* mapper, const KeyFrameMessage& message) {
 
 void MapperProcess::RefineLens(MapId map, LocalMapper* mapper) {
   if (!options_.lens.enabled || background_.busy()) return;
+  if (mapper->LacksResidual(residual_)) return AdaptMap(mapper);  // found in another map, or this one was corrected meanwhile
   auto problem = mapper->NextLensProblem();
   if (!problem) return;
   state_.is_refining = true;
@@ -179,9 +180,29 @@ void MapperProcess::OnLensFinding(MapId map, Epoch epoch, const LensFinding& fin
   if (mapper != mappers_.end() && mapper->second->map().epoch() == epoch) {
     mapper->second->TakeLensFinding(finding);
     if (!finding.residual.IsNone()) {
-      state_.residual = finding.residual;
-      options_.lens.enabled = false;  // new maps are made of frames that have it taken in
+      residual_ = finding.residual;
+      AdaptMap(mapper->second.get());
     }
+  }
+  PublishState(keyframes_waiting_ == 0);
+}
+
+void MapperProcess::AdaptMap(LocalMapper* mapper) {
+  state_.is_refining = true;
+  background_.Start([this, map = mapper->map(), residual = residual_](const std::atomic<bool>& stop) {
+    const MapCorrection adaptation = AdaptToResidual(map, residual, &stop);
+    return [this, adaptation] { OnAdapted(adaptation); };
+  });
+}
+
+void MapperProcess::OnAdapted(const MapCorrection& adaptation) {
+  state_.is_refining = false;
+  const auto mapper = mappers_.find(adaptation.map);
+  if (mapper != mappers_.end()) {
+    const Status taken = mapper->second->TakeResidual(residual_, adaptation);
+    if (taken) state_.residual = residual_;
+    if (!taken) spdlog::info("lens: not taken out of map {} yet: {}", ToString(adaptation.map), taken.error().message);  // the next keyframe tries again
+    state_.revision = mapper->second->map().revision();
   }
   PublishState(keyframes_waiting_ == 0);
 }

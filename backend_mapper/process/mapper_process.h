@@ -61,6 +61,8 @@ class MapperProcess {
   Status TakeIntoMap(LocalMapper* mapper, std::shared_ptr<const KeyFrameData> data, const KeyFrameMessage& message);
   void RefineLens(MapId map, LocalMapper* mapper);
   void OnLensFinding(MapId map, Epoch epoch, const LensFinding& finding);
+  void AdaptMap(LocalMapper* mapper);
+  void OnAdapted(const MapCorrection& adaptation);
   void PublishDelta(const MapDelta& delta);
   void PublishState(bool idle);
   void Register();
@@ -96,6 +98,7 @@ class MapperProcess {
   std::atomic<int> keyframes_waiting_{0};
   std::atomic<bool> stop_optimisation_{false};
   MapperState state_;
+  RadialResidual residual_;  // what the camera's calibration left, once it is found
   IdMinter<RequestId> request_ids_;
   std::optional<Request> registration_;  // until it is answered
   uint64_t taken_ = 0, refused_ = 0, interrupts_ = 0, foreign_vocabulary_ = 0, early_dropped_ = 0, corrections_ = 0, fusions_ = 0;

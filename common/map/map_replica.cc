@@ -104,6 +104,9 @@ bool MapReplica::TryApply(MapDelta* delta, const Map::FindData& elsewhere) {
   for (const auto& state : delta->keyframes) AddKeyFrameData(map_.keyframe(state.id).data);
   delta->removed_keyframes.insert(delta->removed_keyframes.end(), vanished.begin(), vanished.end());
   for (const auto& removed : delta->removed_keyframes) data_.erase(removed.id);
+  for (const auto& state : delta->keyframes) {  // as the map has it: its residual may have changed it
+    if (const auto found = data_.find(state.id); found != data_.end()) found->second = map_.keyframe(state.id).data;
+  }
   return true;
 }
 

@@ -136,8 +136,8 @@ TEST(StatusMessagesTest, RefusesWhatIsMalformedAndSaysWhy) {
                                        {"process is none", [](wire::MapperState* w) { w->process(0); }},
                                        {"refusal holds", [](wire::MapperState* w) { w->refusal("\x1b[2J"); }},
                                        {"correction_refusal holds", [](wire::MapperState* w) { w->correction_refusal("\x1b[2J"); }},
-                                       {"residual_k1 is", [](wire::MapperState* w) { w->residual_k1(std::nan("")); }},
-                                       {"residual_k2 is 7", [](wire::MapperState* w) { w->residual_k2(7); }},
+                                       {"residual.k1 is", [](wire::MapperState* w) { w->residual().k1(std::nan("")); }},
+                                       {"residual.k2 is 7", [](wire::MapperState* w) { w->residual().k2(7); }},
                                    });
   ExpectRefused<wire::ProcessStatus>(
       ToWire(RandomProcessStatus(&random)),

@@ -75,6 +75,7 @@ Frame Tracker::MakeFrame(const Image& image) {
   data.stamp = image.stamp;
   data.frame = image.frame;
   data.camera = camera_.pinhole;
+  data.residual = camera_.residual;
   data.pyramid = options_.orb.pyramid;
   data.features = extractor_.Extract(image.grey, camera_);
   QuantizeFeatures(&data.features, data.camera);  // here already, so that the tracker computes with what the others receive
@@ -278,8 +279,7 @@ bool Tracker::OnMapperState(const MapperState& state) {
   if (!Concerns(state)) return false;
   NoteOwner(state.map, state.epoch, state.process);
   mapper_state_ = state;
-  // Once: later estimates would be of what the frames since then left, and of earlier ones that still have all of it.
-  if (camera_.residual.IsNone()) camera_.residual = state.residual;
+  if (!state.residual.IsNone()) camera_.residual = state.residual;  // a mapper that takes over may not know it yet
   if (awaited_keyframe_ && (state.last_keyframe == *awaited_keyframe_ || state.refused_keyframe == *awaited_keyframe_)) {
     awaited_keyframe_.reset();
   }

@@ -2,6 +2,8 @@
 
 #include <spdlog/spdlog.h>
 
+#include "base/check.h"
+
 namespace portolan {
 namespace {
 constexpr RobotId kRobot = 0;
@@ -61,11 +63,10 @@ void Pipeline::Map(const KeyFrameMessage& message) {
     status = mapper.Initialize(firsts_.at(message.reference), data, message);
   } else {
     status = mapper.Process(data, message, [] { return false; }, nullptr);
-    if (const auto problem = mapper.NextLensProblem()) mapper.TakeLensFinding(FindRadialResidual(*problem, mapper_options_.lens));
+    RefineLens(&mapper);
   }
   state.last_keyframe = data->id;
-  state.residual = mapper.residual();
-  if (!state.residual.IsNone()) mapper_options_.lens.enabled = false;  // new maps are made of frames that have it taken in
+  state.residual = residual_;
   if (!status) {
     spdlog::debug("keyframe {} refused: {}", ToString(data->id), status.error().message);
     state.refused_keyframe = data->id;
@@ -73,6 +74,17 @@ void Pipeline::Map(const KeyFrameMessage& message) {
   }
   tracker_.OnMapperState(state);
   CloseLoops(&mapper, state);
+}
+
+void Pipeline::RefineLens(LocalMapper* mapper) {
+  if (const auto problem = mapper->NextLensProblem()) {
+    const LensFinding finding = FindRadialResidual(*problem, mapper_options_.lens);
+    mapper->TakeLensFinding(finding);
+    if (!finding.residual.IsNone()) residual_ = finding.residual;
+  }
+  if (!mapper->LacksResidual(residual_)) return;
+  const Status taken = mapper->TakeResidual(residual_, AdaptToResidual(mapper->map(), residual_, nullptr));
+  PORTOLAN_CHECK(taken.ok()) << taken.error().message;
 }
 
 void Pipeline::CloseLoops(LocalMapper* mapper, MapperState state) {

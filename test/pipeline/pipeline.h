@@ -29,6 +29,7 @@ class Pipeline {
  private:
   void Answer(const Request& request);
   void Map(const KeyFrameMessage& message);
+  void RefineLens(LocalMapper* mapper);
   void CloseLoops(LocalMapper* mapper, MapperState state);
 
   IdMinter<MapPointId> point_ids_;
@@ -38,6 +39,7 @@ class Pipeline {
   LoopCloser loop_closer_;
   std::map<MapId, std::unique_ptr<LocalMapper>> mappers_;
   std::map<KeyFrameId, std::shared_ptr<const KeyFrameData>> firsts_;
+  RadialResidual residual_;  // what the camera's calibration left, once it is found
   Epoch next_epoch_ = 1;
 };
 
