@@ -46,12 +46,15 @@ double Shift(const RadialResidual& a, const RadialResidual& b, double radius) {
 LensProblem MakeLensProblem(const Map& map, const LensRefinementOptions& options) {
   LensProblem lens_problem;
   BundleProblem& problem = lens_problem.bundle;
-  if (!map.keyframes().empty()) lens_problem.known = map.keyframes().rbegin()->second.data->residual;
+  if (!map.keyframes().empty()) {
+    lens_problem.camera = map.keyframes().rbegin()->second.data->camera;
+    lens_problem.known = map.keyframes().rbegin()->second.data->residual;
+  }
   std::map<KeyFrameId, uint32_t> index;
   std::map<MapPointId, int> track_lengths;
   for (const KeyFrameId keyframe_id : NewestKeyFrames(map, static_cast<size_t>(options.window))) {
     const KeyFrame& keyframe = map.keyframe(keyframe_id);
-    if (!problem.poses.empty() && keyframe.data->camera != problem.poses.front().camera) continue;
+    if (keyframe.data->camera != lens_problem.camera) continue;
     index.emplace(keyframe_id, static_cast<uint32_t>(problem.poses.size()));
     problem.poses.push_back({keyframe.camera_from_map, keyframe.data->camera, problem.poses.empty()});
     for (const MapPointId id : keyframe.landmarks) ++track_lengths[id];
@@ -104,8 +107,8 @@ LensFinding FindRadialResidual(const LensProblem& lens_problem, const LensRefine
   return {{}, is_focal && evidence >= kSettlingEvidence * options.min_evidence};
 }
 
-MapCorrection AdaptToResidual(Map map, const RadialResidual& residual, const std::atomic<bool>* stop) {
-  map.SetResidual(map.keyframes().rbegin()->second.data->camera, residual);
+MapCorrection AdaptToResidual(Map map, const CameraResidual& known, const std::atomic<bool>* stop) {
+  map.SetResidual(known.camera, known.residual);
   auto adjusted = AdjustGlobally(map, {}, stop, nullptr);
   if (adjusted.ok()) return std::move(adjusted).value();
   spdlog::info("lens: the map stays where it is: {}", adjusted.error().message);

@@ -12,6 +12,7 @@ namespace portolan {
 
 /// What is looked at: measurements with the known residual still in them.
 struct LensProblem {
+  PinholeCamera camera;  ///< of the newest keyframe
   BundleProblem bundle;
   RadialResidual known;
 };
@@ -34,9 +35,9 @@ LensProblem MakeLensProblem(const Map& map, const LensRefinementOptions& options
 /// known already, from a smaller map, is replaced by the same rules. Takes some 0.2 s. Thread-safe.
 LensFinding FindRadialResidual(const LensProblem& problem, const LensRefinementOptions& options);
 
-/// What becomes of a map once the residual is taken out of all keyframes of its newest keyframe's camera: global BA over it, as a proposal for
+/// What becomes of a map once a camera's residual is taken out of all its keyframes: global BA over it, as a proposal for
 /// LocalMapper::TakeResidual. @param map a copy to work on. `stop` (may be null) ends it early, with the poses as they are. Takes some 0.5 s for a
 /// hundred keyframes. Thread-safe.
-MapCorrection AdaptToResidual(Map map, const RadialResidual& residual, const std::atomic<bool>* stop);
+MapCorrection AdaptToResidual(Map map, const CameraResidual& known, const std::atomic<bool>* stop);
 
 }  // namespace portolan

@@ -67,7 +67,7 @@ TEST(LensRefinementTest, AMapMadeThroughTheWrongLensComesRight) {
   static_cast<void>(map.TakeDelta());
   const double error_before = CentreError(map, truth);
 
-  MapCorrection adaptation = AdaptToResidual(map, lens, nullptr);
+  MapCorrection adaptation = AdaptToResidual(map, {map.keyframes().rbegin()->second.data->camera, lens}, nullptr);
   ASSERT_TRUE(ApplyMapCorrection(adaptation, &map).ok());
   EXPECT_LT(CentreError(map, truth), 0.3 * error_before);
 }

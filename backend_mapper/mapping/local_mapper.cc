@@ -181,19 +181,10 @@ void LocalMapper::TakeLensFinding(const LensFinding& finding) {
   if (finding.is_settled) next_lens_refinement_ = INT_MAX;
 }
 
-bool LocalMapper::LacksResidual(const RadialResidual& residual) const {
-  if (map_.keyframes().empty() || residual.IsNone()) return false;
-  const PinholeCamera& camera = map_.keyframes().rbegin()->second.data->camera;
-  return std::any_of(map_.keyframes().begin(), map_.keyframes().end(), [&](const auto& entry) {
-    const KeyFrameData& data = *entry.second.data;
-    return data.camera == camera && !(data.residual == residual);
-  });
-}
-
-Status LocalMapper::TakeResidual(const RadialResidual& residual, const MapCorrection& adaptation) {
+Status LocalMapper::TakeResidual(const CameraResidual& known, const MapCorrection& adaptation) {
   if (adaptation.made_from_revision < corrected_revision_) return Error{"the map was corrected meanwhile"};
   if (const auto applied = ApplyMapCorrection(adaptation, &map_); !applied.ok()) return applied.error();
-  map_.SetResidual(map_.keyframes().rbegin()->second.data->camera, residual);
+  map_.SetResidual(known.camera, known.residual);
   PublishChanges();
   last_residual_ = map_.revision();
   return Ok{};
@@ -220,9 +211,9 @@ Status LocalMapper::ApplyCorrection(const MapCorrection& correction) {
 }
 
 Status LocalMapper::TakeIn(const LocalMapper& other, const MapCorrection& fusion) {
-  if (fusion.made_from_revision < corrected_revision_) {
+  if (const Revision changed = std::max(corrected_revision_, last_residual_); fusion.made_from_revision < changed) {
     return Error{"fusion of " + ToString(fusion.other) + " into " + ToString(map_.id()) + ": made from revision " +
-                 std::to_string(fusion.made_from_revision) + ", the map was corrected at " + std::to_string(corrected_revision_)};
+                 std::to_string(fusion.made_from_revision) + ", the map was corrected at " + std::to_string(changed)};
   }
   const auto merges = ApplyFusion(fusion, other.map_, &map_);
   if (!merges.ok()) return merges.error();

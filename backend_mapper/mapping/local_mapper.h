@@ -81,18 +81,17 @@ class LocalMapper {
   /// larger map tells more exactly. It is long work, so that the caller does it beside this one's, and brings the finding.
   std::optional<LensProblem> NextLensProblem();
   void TakeLensFinding(const LensFinding& finding);
-  /// Whether keyframes of the newest one's camera still have the residual in their features.
-  bool LacksResidual(const RadialResidual& residual) const;
-  /// Takes a residual out of all keyframes of the newest one's camera, with what AdaptToResidual made of a copy of the map, and publishes it. Fails,
+  /// Takes a residual out of all keyframes of its camera, with what AdaptToResidual made of a copy of the map, and publishes it. Fails,
   /// changing nothing, when another correction was applied since the copy was made.
-  Status TakeResidual(const RadialResidual& residual, const MapCorrection& adaptation);
+  Status TakeResidual(const CameraResidual& known, const MapCorrection& adaptation);
 
   /// Applies a proposal of another process and publishes it; fails, changing nothing, when it does not fit (see
   /// ApplyMapCorrection) or was made before the map's features changed (TakeResidual).
   Status ApplyCorrection(const MapCorrection& correction);
   /// Takes another map in whole, by a proposal to fuse them, and publishes it; what names landmarks and keyframes that had
   /// gone from the other map finds what stands for them here. Fails, changing nothing, when the proposal does not fit (see
-  /// ApplyFusion), or was made before the map was last corrected: then it may lie elsewhere now.
+  /// ApplyFusion), or was made before the map was last corrected, or its features changed (TakeResidual): then it may lie
+  /// elsewhere now.
   Status TakeIn(const LocalMapper& other, const MapCorrection& fusion);
 
   /// Milliseconds of the steps: insert, extend, fuse, local_ba, prune.

@@ -48,7 +48,9 @@ void MapReplica::RestoreAppearance(std::shared_ptr<const KeyFrameData> data) {
   const auto found = data_.find(id);
   if (found == data_.end()) return;
   found->second = std::move(data);
-  if (map_.FindKeyFrame(id) != nullptr) map_.ReplaceData(id, found->second);
+  if (map_.FindKeyFrame(id) == nullptr) return;
+  map_.ReplaceData(id, found->second);
+  found->second = map_.keyframe(id).data;  // without the residual that the map knows of
 }
 
 void MapReplica::DropKeyFrameData(KeyFrameId id) {

@@ -194,7 +194,6 @@ MapperState RandomMapperState(Random* random) {
   state.correction_process = RandomId<ProcessId>(random);
   state.correction_number = random->Below(100);
   state.correction_refusal = RandomText(random);
-  state.residual = RandomResidual(random);
   return state;
 }
 

@@ -65,7 +65,6 @@ wire::MapperState ToWire(const MapperState& state) {
   wire.correction_process(state.correction_process.value);
   wire.correction_number(state.correction_number);
   wire.correction_refusal(state.correction_refusal);
-  wire.residual(ToWire(state.residual));
   return wire;
 }
 
@@ -74,7 +73,6 @@ Result<MapperState> FromWire(const wire::MapperState& wire) {
   check.Id("process", wire.process());
   check.Text("refusal", wire.refusal(), kMaxLineBytes);
   check.Text("correction_refusal", wire.correction_refusal(), kMaxLineBytes);
-  CheckResidual(wire.residual(), &check);
   if (!check.ok()) return check.error();
 
   MapperState state;
@@ -91,7 +89,6 @@ Result<MapperState> FromWire(const wire::MapperState& wire) {
   state.correction_process = ProcessId(wire.correction_process());
   state.correction_number = wire.correction_number();
   state.correction_refusal = wire.correction_refusal();
-  state.residual = FromWire(wire.residual());
   return state;
 }
 

@@ -279,7 +279,6 @@ bool Tracker::OnMapperState(const MapperState& state) {
   if (!Concerns(state)) return false;
   NoteOwner(state.map, state.epoch, state.process);
   mapper_state_ = state;
-  if (!state.residual.IsNone()) camera_.residual = state.residual;  // a mapper that takes over may not know it yet
   if (awaited_keyframe_ && (state.last_keyframe == *awaited_keyframe_ || state.refused_keyframe == *awaited_keyframe_)) {
     awaited_keyframe_.reset();
   }
@@ -303,7 +302,16 @@ void Tracker::ApplyPending() {
     if (new_from_old) MoveWithMap(*new_from_old);
   }
   CompleteFusions();
+  TakeResidual();
   stage_times_.Add("apply", stopwatch.Milliseconds());
+}
+
+/// What is taken out of the map's keyframes is taken out of the frames that are tracked in it. A young map may not know of any yet.
+void Tracker::TakeResidual() {
+  if (!active_map_.IsValid()) return;
+  for (const CameraResidual& known : ActiveMap().residuals()) {
+    if (known.camera == camera_.pinhole) camera_.residual = known.residual;
+  }
 }
 
 void Tracker::OnApplied(const Map& map, const MapDelta& delta) {

@@ -66,7 +66,6 @@ void Pipeline::Map(const KeyFrameMessage& message) {
     RefineLens(&mapper);
   }
   state.last_keyframe = data->id;
-  state.residual = residual_;
   if (!status) {
     spdlog::debug("keyframe {} refused: {}", ToString(data->id), status.error().message);
     state.refused_keyframe = data->id;
@@ -80,10 +79,11 @@ void Pipeline::RefineLens(LocalMapper* mapper) {
   if (const auto problem = mapper->NextLensProblem()) {
     const LensFinding finding = FindRadialResidual(*problem, mapper_options_.lens);
     mapper->TakeLensFinding(finding);
-    if (!finding.residual.IsNone()) residual_ = finding.residual;
+    residuals_.Set({problem->camera, finding.residual});
   }
-  if (!mapper->LacksResidual(residual_)) return;
-  const Status taken = mapper->TakeResidual(residual_, AdaptToResidual(mapper->map(), residual_, nullptr));
+  const auto lacking = residuals_.FindLacking(mapper->map());
+  if (!lacking) return;
+  const Status taken = mapper->TakeResidual(*lacking, AdaptToResidual(mapper->map(), *lacking, nullptr));
   PORTOLAN_CHECK(taken.ok()) << taken.error().message;
 }
 

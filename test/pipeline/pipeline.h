@@ -5,6 +5,7 @@
 
 #include "dataset/image_source.h"
 #include "loop/loop_closer.h"
+#include "mapping/known_residuals.h"
 #include "mapping/local_mapper.h"
 #include "tracking/tracker.h"
 
@@ -39,7 +40,7 @@ class Pipeline {
   LoopCloser loop_closer_;
   std::map<MapId, std::unique_ptr<LocalMapper>> mappers_;
   std::map<KeyFrameId, std::shared_ptr<const KeyFrameData>> firsts_;
-  RadialResidual residual_;  // what the camera's calibration left, once it is found
+  KnownResiduals residuals_;
   Epoch next_epoch_ = 1;
 };
 
