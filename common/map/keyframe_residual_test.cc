@@ -173,6 +173,32 @@ TEST_F(MapResidual, OutOfRangeIsRefused) {
   }
 }
 
+TEST_F(MapResidual, IsTakenOutOfStoredDataThatComesBack) {
+  owner_.SetResidual(kCamera, kLens);
+  Follow(owner_.TakeDelta());
+  replica_.DropAppearance(KeyFrameId(0, 1, 1));
+  replica_.RestoreAppearance(MakeData(1));  // as it was stored, before
+  EXPECT_TRUE(replica_.map().keyframe(KeyFrameId(0, 1, 1)).data->features.HasAppearance());
+  owner_.SetPose(KeyFrameId(0, 1, 1), Rigid3d(Eigen::Quaterniond::Identity(), {1, 0, 0}));
+  Follow(owner_.TakeDelta());
+}
+
+/// A map that takes another's keyframes in, of whose data the replicas have what the other map made of it.
+TEST_F(MapResidual, DataOfAnotherMapBecomesThisOnes) {
+  owner_.SetResidual(kCamera, kLens);
+  Follow(owner_.TakeDelta());
+  MapReplica other(MapId(0, 1, 2));
+  other.AddKeyFrameData(MakeData(4));
+  owner_.AddKeyFrame(MakeData(4), Rigid3d(), KeyFrameId(0, 1, 1));
+  replica_.AddDelta(owner_.TakeDelta());
+  ASSERT_EQ(replica_.ApplyPending([&](KeyFrameId id) { return other.FindKeyFrameData(id); }).size(), 1u) << replica_.last_problem();
+  const auto data = replica_.map().keyframe(KeyFrameId(0, 1, 4)).data;
+  EXPECT_EQ(data->residual, kLens);
+  EXPECT_EQ(data->features.pixels_px, owner_.keyframe(KeyFrameId(0, 1, 4)).data->features.pixels_px);
+  EXPECT_EQ(replica_.FindKeyFrameData(KeyFrameId(0, 1, 4)), data);
+  EXPECT_TRUE(other.FindKeyFrameData(KeyFrameId(0, 1, 4))->residual.IsNone());
+}
+
 TEST_F(MapResidual, SurvivesLosingItsAppearance) {
   Follow(owner_.TakeDelta());
   replica_.DropAppearance(KeyFrameId(0, 1, 1));

@@ -142,18 +142,18 @@ TEST_F(TrackerTest, KeyFramesAreKeptUntilADeltaHoldsThem) {
 }
 
 TEST_F(TrackerTest, TakesInWhatTheCalibrationLeft) {
-  StartTracking();
+  Initialize();
   EXPECT_TRUE(tracker_->camera().IsIdeal());
   const RadialResidual lens{0.002, -0.001}, better{0.0021, -0.0011};
   PinholeCamera other = kPinhole;
   other.fx += 1;
-  mapper_->map().SetResidual(other, lens);
-  mapper_->Publish(tracker_.get());
+  mapper_->map.SetResidual(other, lens);
+  tracker_->AddDelta(mapper_->map.TakeDelta());
   tracker_->ApplyPending();
   EXPECT_TRUE(tracker_->camera().IsIdeal()) << "it is another camera's";
   for (const RadialResidual& known : {lens, better}) {  // a larger map tells it more exactly
-    mapper_->map().SetResidual(kPinhole, known);
-    mapper_->Publish(tracker_.get());
+    mapper_->map.SetResidual(kPinhole, known);
+    tracker_->AddDelta(mapper_->map.TakeDelta());
     tracker_->ApplyPending();
     EXPECT_EQ(tracker_->camera().residual, known);
   }
