@@ -125,9 +125,15 @@ TEST(MapIo, NamesWhatIsWrong) {
   const Example example;
   const std::string bytes = EncodeKeyFrameData(example.data());
   EXPECT_NE(MessageOf(DecodeSnapshot(bytes)).find("PMAP"), std::string::npos);
-  std::string newer = bytes;
-  newer[4] = 3;
-  EXPECT_NE(MessageOf(DecodeKeyFrameData(Reseal(newer))).find("form 3"), std::string::npos);
+  // Also of form 1, which had no residuals: it was never released.
+  for (const char form : {'\1', '\3'}) {
+    std::string other = bytes;
+    other[4] = form;
+    EXPECT_NE(MessageOf(DecodeKeyFrameData(Reseal(other))).find("form " + std::to_string(form) + ", this program reads form 2"), std::string::npos);
+    std::string state = EncodeSnapshot(example.snapshot);
+    state[4] = form;
+    EXPECT_NE(MessageOf(DecodeSnapshot(Reseal(state))).find("form " + std::to_string(form)), std::string::npos);
+  }
   std::string damaged = bytes;
   damaged[kHeadBytes + 50] ^= 1;
   EXPECT_NE(MessageOf(DecodeKeyFrameData(damaged)).find("damaged"), std::string::npos);
