@@ -46,14 +46,14 @@ double Shift(const RadialResidual& a, const RadialResidual& b, double radius) {
 LensProblem MakeLensProblem(const Map& map, const LensRefinementOptions& options) {
   LensProblem lens_problem;
   BundleProblem& problem = lens_problem.bundle;
-  if (!map.keyframes().empty()) {
-    lens_problem.camera = map.keyframes().rbegin()->second.data->camera;
-    lens_problem.known = map.keyframes().rbegin()->second.data->residual;
-  }
   std::map<KeyFrameId, uint32_t> index;
   std::map<MapPointId, int> track_lengths;
   for (const KeyFrameId keyframe_id : NewestKeyFrames(map, static_cast<size_t>(options.window))) {
     const KeyFrame& keyframe = map.keyframe(keyframe_id);
+    if (problem.poses.empty()) {  // the newest
+      lens_problem.camera = keyframe.data->camera;
+      lens_problem.known = keyframe.data->residual;
+    }
     if (keyframe.data->camera != lens_problem.camera) continue;
     index.emplace(keyframe_id, static_cast<uint32_t>(problem.poses.size()));
     problem.poses.push_back({keyframe.camera_from_map, keyframe.data->camera, problem.poses.empty()});
