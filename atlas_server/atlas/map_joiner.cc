@@ -233,14 +233,15 @@ void MapJoiner::OnTick(double now_s) {
     } else if (proposal->stage == Stage::kSwitching && is_there) {
       Finish(proposal, "", now_s);
     } else if (now_s - proposal->since_s > PatienceOf(proposal->stage)) {
-      Finish(proposal, proposal->stage == Stage::kGathering ? "no mapper came to own both maps" : "no answer", now_s);
+      Finish(proposal, proposal->stage == Stage::kGathering ? "no mapper came to own both maps and take the same out of their keyframes" : "no answer", now_s);
     } else if (proposal->stage == Stage::kGathering && !atlas_->IsAlive(proposal->owner, now_s)) {
       Gather(&*proposal, now_s);
     }
   }
 }
 
-std::optional<FusionTask> MapJoiner::NextFusion(const std::function<Epoch(MapId)>& epoch_of, double now_s) {
+std::optional<FusionTask> MapJoiner::NextFusion(const std::function<Epoch(MapId)>& epoch_of,
+                                                const std::function<bool(MapId, MapId)>& agree, double now_s) {
   const auto is_under_way = [](const Proposal& p) { return p.stage == Stage::kProposing; };
   if (std::any_of(proposals_.begin(), proposals_.end(), is_under_way)) return std::nullopt;
   for (Proposal& proposal : proposals_) {
@@ -249,7 +250,7 @@ std::optional<FusionTask> MapJoiner::NextFusion(const std::function<Epoch(MapId)
       const auto map = atlas_->maps().find(id);
       return map != atlas_->maps().end() && map->second.owner == proposal.owner && epoch_of(id) == map->second.epoch;
     };
-    if (!is_ready(proposal.map) || !is_ready(proposal.other)) continue;
+    if (!is_ready(proposal.map) || !is_ready(proposal.other) || !agree(proposal.map, proposal.other)) continue;
     proposal.stage = Stage::kProposing;
     proposal.since_s = now_s;
     return FusionTask{proposal.map, proposal.other, proposal.detected};

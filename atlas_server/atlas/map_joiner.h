@@ -50,7 +50,7 @@ struct JoinRecord {
 ///
 ///   if (joiner.WantsOverlap(robot, map, other, now_s)) ...detect...; joiner.OnOverlap(robot, overlap, now_s);
 ///   joiner.OnMove(move, now_s); joiner.OnMapperState(state, now_s); joiner.OnTick(now_s);
-///   if (auto task = joiner.NextFusion(has_epoch, now_s)) joiner.OnProposed(ProposeFusion(...), now_s);   // on another thread
+///   if (auto task = joiner.NextFusion(epoch_of, agree, now_s)) joiner.OnProposed(ProposeFusion(...), now_s);   // on another thread
 ///   if (auto correction = joiner.TakeCorrection()) publish it;
 class MapJoiner {
  public:
@@ -71,8 +71,9 @@ class MapJoiner {
   void OnTick(double now_s);
 
   /// A fusion that is to be proposed now; once. None while another is being made. @param epoch_of a map's replica; 0 if
-  /// it is not whole.
-  std::optional<FusionTask> NextFusion(const std::function<Epoch(MapId)>& epoch_of, double now_s);
+  /// it is not whole. @param agree whether two maps' keyframes had the same residuals taken out (CheckResiduals); until they
+  /// do the fusion waits.
+  std::optional<FusionTask> NextFusion(const std::function<Epoch(MapId)>& epoch_of, const std::function<bool(MapId, MapId)>& agree, double now_s);
   void OnProposed(Result<MapCorrection> proposal, double now_s);
   std::optional<MapCorrection> TakeCorrection();
 

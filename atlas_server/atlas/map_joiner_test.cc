@@ -23,7 +23,7 @@ class MapJoinerTest : public AtlasWorld {
   }
   /// All replicas are as far as their owners.
   std::optional<FusionTask> NextFusion() {
-    return joiner_.NextFusion([this](MapId id) { return EpochOf(id); }, now_);
+    return joiner_.NextFusion([this](MapId id) { return EpochOf(id); }, [](MapId, MapId) { return true; }, now_);
   }
   MapCorrection Propose(const FusionTask& task) {
     MapCorrection correction;
@@ -129,7 +129,9 @@ TEST_F(MapJoinerTest, ASmallMapIsFused) {
   EXPECT_EQ(grants[0].epoch, 3u);
   EXPECT_THAT(Commands(CommandKind::kActivateMap), IsEmpty());
   // ... then the replicas have its epoch, ...
-  EXPECT_FALSE(joiner_.NextFusion([](MapId) { return Epoch{1}; }, now_));
+  EXPECT_FALSE(joiner_.NextFusion([](MapId) { return Epoch{1}; }, [](MapId, MapId) { return true; }, now_));
+  // ... and agree about what the calibration left, ...
+  EXPECT_FALSE(joiner_.NextFusion([this](MapId id) { return EpochOf(id); }, [](MapId map, MapId other) { return map == other; }, now_));
   const auto task = NextFusion();
   ASSERT_TRUE(task);
   EXPECT_EQ(task->map, kOld);

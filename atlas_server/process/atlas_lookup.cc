@@ -236,7 +236,7 @@ void AtlasProcess::StartFusion() {
           const Map* map = shelf_.FindMap(id);
           return map != nullptr && !shelf_.maps().at(id).NeedsSnapshot() ? map->epoch() : 0;  // what comes later follows its ancestors
         },
-        Now());
+        [this](MapId map, MapId other) { return CheckResiduals(*shelf_.FindMap(map), *shelf_.FindMap(other)).ok(); }, Now());
     if (!fusion_) return;
   }
   const Map* map = shelf_.FindMap(fusion_->map);

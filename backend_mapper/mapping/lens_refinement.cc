@@ -7,6 +7,8 @@
 #include <map>
 #include <vector>
 
+#include "map_optimization/global_bundle_adjustment.h"
+#include "map_optimization/map_correction.h"
 #include "mapping/newest_keyframes.h"
 #include "optimization/lens_adjustment.h"
 
@@ -28,15 +30,31 @@ double RimRadius(const BundleProblem& problem) {
   return *rim;
 }
 
+/// The feature as it was before the known residual was taken out.
+Eigen::Vector2d AsCalibrated(const KeyFrameData& data, uint32_t feature) {
+  const Eigen::Vector2d xy = data.residual.Distort(data.camera.Normalize(data.features.pixels_px[feature].cast<double>()));
+  return {data.camera.fx * xy.x() + data.camera.cx, data.camera.fy * xy.y() + data.camera.cy};
+}
+
+/// How far apart two lenses put a point at this radius, on the plane z = 1.
+double Shift(const RadialResidual& a, const RadialResidual& b, double radius) {
+  return std::abs(a.Distort({radius, 0}).x() - b.Distort({radius, 0}).x());
+}
+
 }  // namespace
 
-BundleProblem MakeLensProblem(const Map& map, const LensRefinementOptions& options) {
-  BundleProblem problem;
+LensProblem MakeLensProblem(const Map& map, const LensRefinementOptions& options) {
+  LensProblem lens_problem;
+  BundleProblem& problem = lens_problem.bundle;
   std::map<KeyFrameId, uint32_t> index;
   std::map<MapPointId, int> track_lengths;
   for (const KeyFrameId keyframe_id : NewestKeyFrames(map, static_cast<size_t>(options.window))) {
     const KeyFrame& keyframe = map.keyframe(keyframe_id);
-    if (!problem.poses.empty() && keyframe.data->camera != problem.poses.front().camera) continue;
+    if (problem.poses.empty()) {  // the newest
+      lens_problem.camera = keyframe.data->camera;
+      lens_problem.known = keyframe.data->residual;
+    }
+    if (keyframe.data->camera != lens_problem.camera) continue;
     index.emplace(keyframe_id, static_cast<uint32_t>(problem.poses.size()));
     problem.poses.push_back({keyframe.camera_from_map, keyframe.data->camera, problem.poses.empty()});
     for (const MapPointId id : keyframe.landmarks) ++track_lengths[id];
@@ -52,23 +70,25 @@ BundleProblem MakeLensProblem(const Map& map, const LensRefinementOptions& optio
       if (pose == index.end()) continue;
       const KeyFrameData& data = *map.keyframe(o.keyframe).data;
       problem.measurements.push_back({pose->second, static_cast<uint32_t>(problem.points_in_map.size()),
-                                      data.features.pixels_px[o.feature].cast<double>(),
+                                      AsCalibrated(data, o.feature),
                                       data.pyramid.Sigma(data.features.octaves[o.feature])});
     }
     problem.points_in_map.push_back(point.position_in_map.cast<double>());
   }
-  return problem;
+  return lens_problem;
 }
 
-LensFinding FindRadialResidual(const BundleProblem& problem, const LensRefinementOptions& options) {
+LensFinding FindRadialResidual(const LensProblem& lens_problem, const LensRefinementOptions& options) {
+  const BundleProblem& problem = lens_problem.bundle;
+  const RadialResidual& known = lens_problem.known;
   if (static_cast<int>(problem.points_in_map.size()) < options.min_points) return {};
   BundleOptions bundle;
   bundle.max_iterations = options.max_iterations;
   bundle.function_tolerance = kFunctionTolerance;
-  const auto adjusted = AdjustLens(problem, bundle);
+  const auto adjusted = AdjustLens(problem, bundle, known);
   if (!adjusted) return {};
   const double rim = RimRadius(problem);
-  const double shift = std::abs((adjusted->residual.Distort({rim, 0})).x() - rim);
+  const double shift = std::max(Shift(adjusted->residual, known, rim), Shift(adjusted->residual, known, rim / 2));
   const double shift_px = shift * problem.poses.front().camera.fx;
   // Twice the cost's drop, in units of the features' own noise: chi-square with two degrees of freedom if there were
   // nothing to find.
@@ -76,15 +96,25 @@ LensFinding FindRadialResidual(const BundleProblem& problem, const LensRefinemen
   const bool is_focal =
       adjusted->cost_focal <
       adjusted->cost_with;  // the calibration is wrong in another way, and the residual would only stand for it
-  const bool is_significant =
-      !is_focal && shift_px >= options.min_shift_px && shift < kMaxShiftShare * rim && evidence >= options.min_evidence;
-  spdlog::info("lens: the calibration leaves k1 {:.4f} k2 {:.4f}, {:.2f} px at the rim, evidence {:.0f}: {}",
+  const bool is_significant = !is_focal && shift_px >= options.min_shift_px && Shift(adjusted->residual, {}, rim) < kMaxShiftShare * rim &&
+                              evidence >= (known.IsNone() ? options.min_evidence : options.min_evidence_again);
+  spdlog::info("lens: the calibration leaves k1 {:.4f} k2 {:.4f}, {:.2f} px from what is known, evidence {:.0f}: {}",
                adjusted->residual.k1, adjusted->residual.k2, shift_px, evidence,
                is_significant ? "taken in"
                : is_focal     ? "another focal length explains more, left as it is"
                               : "left as it is");
-  if (is_significant) return {adjusted->residual, true};
+  if (is_significant) return {adjusted->residual, false};
   return {{}, is_focal && evidence >= kSettlingEvidence * options.min_evidence};
+}
+
+MapCorrection AdaptToResidual(Map map, const CameraResidual& known, const std::atomic<bool>* stop) {
+  map.SetResidual(known.camera, known.residual);
+  auto adjusted = AdjustGlobally(map, {}, stop, nullptr);
+  if (adjusted.ok()) return std::move(adjusted).value();
+  spdlog::info("lens: the map stays where it is: {}", adjusted.error().message);
+  MapCorrection unmoved = EmptyCorrection(map, "lens");
+  for (const auto& [id, keyframe] : map.keyframes()) unmoved.keyframes.push_back({id, Sim3d(keyframe.camera_from_map)});
+  return unmoved;
 }
 
 }  // namespace portolan

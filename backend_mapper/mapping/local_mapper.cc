@@ -1,5 +1,6 @@
 #include "mapping/local_mapper.h"
 
+#include <algorithm>
 #include <climits>
 #include <string>
 #include <unordered_set>
@@ -169,7 +170,7 @@ std::vector<KeyFrameId> LocalMapper::Prune() {
   return pruned;
 }
 
-std::optional<BundleProblem> LocalMapper::NextLensProblem() {
+std::optional<LensProblem> LocalMapper::NextLensProblem() {
   const auto keyframes = static_cast<int>(map_.keyframes().size());
   if (keyframes < next_lens_refinement_ || keyframes > options_.lens.max_keyframes) return std::nullopt;
   next_lens_refinement_ = static_cast<int>(options_.lens.growth * keyframes);
@@ -177,8 +178,16 @@ std::optional<BundleProblem> LocalMapper::NextLensProblem() {
 }
 
 void LocalMapper::TakeLensFinding(const LensFinding& finding) {
-  residual_ = finding.residual;
   if (finding.is_settled) next_lens_refinement_ = INT_MAX;
+}
+
+Status LocalMapper::TakeResidual(const CameraResidual& known, const MapCorrection& adaptation) {
+  if (adaptation.made_from_revision < corrected_revision_) return Error{"the map was corrected meanwhile"};
+  if (const auto applied = ApplyMapCorrection(adaptation, &map_); !applied.ok()) return applied.error();
+  map_.SetResidual(known.camera, known.residual);
+  PublishChanges();
+  last_residual_ = map_.revision();
+  return Ok{};
 }
 
 void LocalMapper::PublishChanges() {
@@ -192,6 +201,7 @@ void LocalMapper::PublishSnapshot() {
 }
 
 Status LocalMapper::ApplyCorrection(const MapCorrection& correction) {
+  if (correction.made_from_revision < last_residual_) return Error{"it was made before the calibration's residual was taken out"};
   const auto merges = ApplyMapCorrection(correction, &map_);
   if (!merges.ok()) return merges.error();
   NoteMerges(merges.value());
@@ -201,9 +211,9 @@ Status LocalMapper::ApplyCorrection(const MapCorrection& correction) {
 }
 
 Status LocalMapper::TakeIn(const LocalMapper& other, const MapCorrection& fusion) {
-  if (fusion.made_from_revision < corrected_revision_) {
+  if (const Revision changed = std::max(corrected_revision_, last_residual_); fusion.made_from_revision < changed) {
     return Error{"fusion of " + ToString(fusion.other) + " into " + ToString(map_.id()) + ": made from revision " +
-                 std::to_string(fusion.made_from_revision) + ", the map was corrected at " + std::to_string(corrected_revision_)};
+                 std::to_string(fusion.made_from_revision) + ", the map was corrected at " + std::to_string(changed)};
   }
   const auto merges = ApplyFusion(fusion, other.map_, &map_);
   if (!merges.ok()) return merges.error();

@@ -64,6 +64,7 @@ class Mapper : public ::testing::Test {
     }
     return *AlignPoints(world, map);
   }
+  CameraResidual Known(const RadialResidual& residual) const { return {views_[0].data->camera, residual}; }
   void RunAll() {
     ASSERT_TRUE(Initialize().ok());
     for (const size_t k : {1, 2, 4, 5, 6, 7, 8, 9}) {
@@ -98,6 +99,38 @@ TEST_F(Mapper, BuildsAnAccurateMapThatReplicasFollow) {
     // them on points about as uncertain, is not worse than five of these.
     EXPECT_LT(error.norm() / map_from_world.scale, 0.05);
   }
+}
+
+TEST_F(Mapper, TakesAResidualOutOfAllKeyFramesWhichReplicasFollow) {
+  RunAll();
+  const RadialResidual lens{0.01, 0};
+  MapCorrection stale = EmptyCorrection(mapper_->map(), "loop");
+  const auto& [newest, keyframe_then] = *mapper_->map().keyframes().rbegin();
+  stale.keyframes.push_back({newest, Sim3d(keyframe_then.camera_from_map)});
+  const MapCorrection adaptation = AdaptToResidual(mapper_->map(), Known(lens), nullptr);
+  const Status taken = mapper_->TakeResidual(Known(lens), adaptation);
+  ASSERT_TRUE(taken.ok()) << taken.error().message;
+  for (const auto& [id, keyframe] : replica_.keyframes()) EXPECT_EQ(keyframe.data->residual, lens);
+  EXPECT_EQ(HashMap(replica_), HashMap(mapper_->map()));
+  const Status late = mapper_->ApplyCorrection(stale);
+  ASSERT_FALSE(late.ok()) << "it was made with features that are no more";
+  EXPECT_THAT(late.error().message, HasSubstr("residual"));
+}
+
+TEST_F(Mapper, AdaptsAgainToAMapThatWasCorrectedMeanwhile) {
+  RunAll();
+  const RadialResidual lens{0.01, 0};
+  const MapCorrection adaptation = AdaptToResidual(mapper_->map(), Known(lens), nullptr);
+  MapCorrection loop = EmptyCorrection(mapper_->map(), "loop");
+  const auto& [newest, keyframe] = *mapper_->map().keyframes().rbegin();
+  Rigid3d moved = keyframe.camera_from_map;
+  moved.translation.x() += 0.01;
+  loop.keyframes.push_back({newest, Sim3d(moved)});
+  ASSERT_TRUE(mapper_->ApplyCorrection(loop).ok());
+  const uint64_t before = HashMap(mapper_->map());
+  EXPECT_FALSE(mapper_->TakeResidual(Known(lens), adaptation).ok());
+  EXPECT_EQ(HashMap(mapper_->map()), before);
+  EXPECT_TRUE(mapper_->TakeResidual(Known(lens), AdaptToResidual(mapper_->map(), Known(lens), nullptr)).ok());
 }
 
 TEST_F(Mapper, TheSameInputGivesTheSameMap) {
@@ -277,6 +310,28 @@ TEST_F(FusingMapper, RefusesAProposalFromBeforeACorrection) {
   const auto again = Propose();
   ASSERT_TRUE(again.ok());
   EXPECT_TRUE(mapper_->TakeIn(*other_, *again).ok());
+}
+
+TEST_F(FusingMapper, RefusesAProposalFromBeforeTheMapsFeaturesChanged) {
+  const RadialResidual lens{0.001, 0};
+  const auto fusion = Propose();
+  ASSERT_TRUE(fusion.ok());
+  const auto adapt = [&](LocalMapper* mapper) {
+    return mapper->TakeResidual(Known(lens), AdaptToResidual(mapper->map(), Known(lens), nullptr));
+  };
+  ASSERT_TRUE(adapt(mapper_.get()).ok());
+  const uint64_t before = HashMap(mapper_->map());
+  EXPECT_FALSE(mapper_->TakeIn(*other_, *fusion).ok());
+  const auto too_early = Propose();
+  ASSERT_FALSE(too_early.ok()) << "the other map has it in its features";
+  EXPECT_THAT(too_early.error().message, HasSubstr("another residual"));
+  ASSERT_TRUE(adapt(other_.get()).ok());
+  EXPECT_FALSE(mapper_->TakeIn(*other_, *fusion).ok());
+  EXPECT_EQ(HashMap(mapper_->map()), before);
+  const auto again = Propose();
+  ASSERT_TRUE(again.ok()) << again.error().message;
+  EXPECT_TRUE(mapper_->TakeIn(*other_, *again).ok());
+  for (const auto& [id, keyframe] : mapper_->map().keyframes()) EXPECT_EQ(keyframe.data->residual, lens);
 }
 
 }  // namespace

@@ -108,6 +108,7 @@ bool MapperProcess::ContinueTakeover(Takeover* takeover) {
                  map.points().size());
     auto& mapper = mappers_[map.id()];
     mapper = MakeMapper(map, takeover->epoch);
+    residuals_.Learn(map);
     mapper->PublishSnapshot();  // a new epoch begins with one: replicas may be ahead of it or behind
     state_.map = map.id();
     state_.epoch = takeover->epoch;

@@ -163,27 +163,57 @@ void MapperProcess::Take(LocalMapper* mapper, const KeyFrameMessage& message) {
 }
 
 void MapperProcess::RefineLens(MapId map, LocalMapper* mapper) {
-  if (!options_.lens.enabled || background_.busy()) return;
+  if (background_.busy()) return;
+  if (const auto lacking = residuals_.FindLacking(mapper->map())) return AdaptMap(mapper->map(), *lacking);
+  if (!options_.lens.enabled) return;
   auto problem = mapper->NextLensProblem();
   if (!problem) return;
   state_.is_refining = true;
   background_.Start([this, map, epoch = mapper->map().epoch(), problem = std::move(*problem), options = options_.lens](const std::atomic<bool>&) {
     const LensFinding finding = FindRadialResidual(problem, options);
-    return [this, map, epoch, finding] { OnLensFinding(map, epoch, finding); };
+    return [this, map, epoch, camera = problem.camera, finding] { OnLensFinding(map, epoch, camera, finding); };
   });
 }
 
-void MapperProcess::OnLensFinding(MapId map, Epoch epoch, const LensFinding& finding) {
+void MapperProcess::OnLensFinding(MapId map, Epoch epoch, const PinholeCamera& camera, const LensFinding& finding) {
   state_.is_refining = false;
   const auto mapper = mappers_.find(map);
   if (mapper != mappers_.end() && mapper->second->map().epoch() == epoch) {
     mapper->second->TakeLensFinding(finding);
-    if (!finding.residual.IsNone()) {
-      state_.residual = finding.residual;
-      options_.lens.enabled = false;  // new maps are made of frames that have it taken in
-    }
+    residuals_.Set({camera, finding.residual});
+    if (const auto lacking = residuals_.FindLacking(mapper->second->map())) AdaptMap(mapper->second->map(), *lacking);
   }
   PublishState(keyframes_waiting_ == 0);
+}
+
+void MapperProcess::AdaptMap(const Map& map, const CameraResidual& known) {
+  state_.is_refining = true;
+  background_.Start([this, map, known](const std::atomic<bool>& stop) {
+    const MapCorrection adaptation = AdaptToResidual(map, known, &stop);
+    return [this, known, adaptation] { OnAdapted(known, adaptation); };
+  });
+}
+
+void MapperProcess::OnAdapted(const CameraResidual& known, const MapCorrection& adaptation) {
+  state_.is_refining = false;
+  const auto mapper = mappers_.find(adaptation.map);
+  if (mapper != mappers_.end()) {
+    const Status taken = mapper->second->TakeResidual(known, adaptation);
+    if (!taken) spdlog::info("lens: not taken out of map {} yet: {}", ToString(adaptation.map), taken.error().message);  // AdaptMaps tries again
+    if (adaptation.map == state_.map) state_.revision = mapper->second->map().revision();
+  }
+  PublishState(keyframes_waiting_ == 0);
+}
+
+/// Also of maps that get no keyframes: what was found in one is taken out of those that are to become one with it, too.
+void MapperProcess::AdaptMaps() {
+  if (background_.busy()) return;
+  for (const auto& [id, mapper] : mappers_) {
+    const auto lacking = residuals_.FindLacking(mapper->map());
+    if (!lacking) continue;
+    AdaptMap(mapper->map(), *lacking);
+    return PublishState(keyframes_waiting_ == 0);
+  }
 }
 
 Status MapperProcess::TakeIntoMap(LocalMapper* mapper, std::shared_ptr<const KeyFrameData> data, const KeyFrameMessage& message) {
@@ -252,6 +282,7 @@ void MapperProcess::OnTick() {
 
 void MapperProcess::OnStatusTimer() {
   if (registration_) request_writer_->Write(*registration_);
+  AdaptMaps();
   const std::string words = mappers_.empty() ? (registration_ ? "waiting for the atlas_server" : "waiting for a map") : "mapping";
   status_.Publish(words, state_.map, state_.epoch, state_.revision,
                   {{"keyframes_taken", static_cast<double>(taken_)},

@@ -9,6 +9,7 @@
 
 #include "map/map_replica.h"
 #include "mapping/fused_maps.h"
+#include "mapping/known_residuals.h"
 #include "mapping/local_mapper.h"
 #include "mapping/passed_on_maps.h"
 #include "process/process_setup.h"
@@ -60,7 +61,10 @@ class MapperProcess {
   void Take(LocalMapper* mapper, const KeyFrameMessage& message);
   Status TakeIntoMap(LocalMapper* mapper, std::shared_ptr<const KeyFrameData> data, const KeyFrameMessage& message);
   void RefineLens(MapId map, LocalMapper* mapper);
-  void OnLensFinding(MapId map, Epoch epoch, const LensFinding& finding);
+  void OnLensFinding(MapId map, Epoch epoch, const PinholeCamera& camera, const LensFinding& finding);
+  void AdaptMap(const Map& map, const CameraResidual& known);
+  void OnAdapted(const CameraResidual& known, const MapCorrection& adaptation);
+  void AdaptMaps();
   void PublishDelta(const MapDelta& delta);
   void PublishState(bool idle);
   void Register();
@@ -96,6 +100,7 @@ class MapperProcess {
   std::atomic<int> keyframes_waiting_{0};
   std::atomic<bool> stop_optimisation_{false};
   MapperState state_;
+  KnownResiduals residuals_;
   IdMinter<RequestId> request_ids_;
   std::optional<Request> registration_;  // until it is answered
   uint64_t taken_ = 0, refused_ = 0, interrupts_ = 0, foreign_vocabulary_ = 0, early_dropped_ = 0, corrections_ = 0, fusions_ = 0;

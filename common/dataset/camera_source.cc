@@ -4,6 +4,7 @@
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
 
+#include "dataset/media_library.h"
 #include "dataset/sources.h"
 
 namespace portolan {
@@ -15,14 +16,14 @@ constexpr int kMaxFailures = 3;
 /// A camera of this machine, through V4L2.
 class CameraSource : public ImageSource {
  public:
-  CameraSource(const SourceOptions& options, cv::VideoCapture capture, const CameraModel& camera)
+  CameraSource(const SourceOptions& options, std::unique_ptr<VideoStream> capture, const CameraModel& camera)
       : options_(options), capture_(std::move(capture)), camera_(camera) {}
 
   Result<std::optional<Image>> Next() override {
     if (failures_ >= kMaxFailures || (options_.max_frames > 0 && frame_ >= options_.max_frames))
       return std::optional<Image>();
     cv::Mat picture;
-    if (!Advance() || !capture_.retrieve(picture) || picture.empty()) {
+    if (!Advance() || !capture_->Retrieve(&picture) || picture.empty()) {
       ++failures_;
       return Error{fmt::format("{}: frame {}: the camera delivers no image", options_.data, frame_)};
     }
@@ -45,16 +46,16 @@ class CameraSource : public ImageSource {
 
  private:
   bool Advance() {
-    if (!capture_.grab()) return false;
+    if (!capture_->Grab()) return false;
     // The driver's capture time; drivers that give none leave it where it was.
-    const Timestamp driver{static_cast<int64_t>(std::llround(capture_.get(cv::CAP_PROP_POS_MSEC) * 1e6))};
+    const Timestamp driver{static_cast<int64_t>(std::llround(capture_->Get(cv::CAP_PROP_POS_MSEC) * 1e6))};
     driver_stamps_ = driver_stamps_ && stamp_ < driver;
     stamp_ = driver_stamps_ ? driver : Timestamp::Now();
     return true;
   }
 
   const SourceOptions options_;
-  cv::VideoCapture capture_;
+  std::unique_ptr<VideoStream> capture_;
   const CameraModel camera_;
   uint64_t frame_ = 0;
   Timestamp stamp_;
@@ -65,15 +66,17 @@ class CameraSource : public ImageSource {
 }  // namespace
 
 Result<std::unique_ptr<ImageSource>> OpenCameraSource(const SourceOptions& options, const CameraModel& camera) {
-  cv::VideoCapture capture(options.data, cv::CAP_V4L2);
-  if (!capture.isOpened()) return Error{options.data + ": no camera that V4L2 can open"};
+  const auto media = LoadMediaModule();
+  if (!media) return media.error();
+  auto capture = (*media)->open_video(options.data, cv::CAP_V4L2);
+  if (!capture->IsOpened()) return Error{options.data + ": no camera that V4L2 can open"};
   if (camera.pinhole.width > 0) {
-    capture.set(cv::CAP_PROP_FRAME_WIDTH, camera.pinhole.width);
-    capture.set(cv::CAP_PROP_FRAME_HEIGHT, camera.pinhole.height);
+    capture->Set(cv::CAP_PROP_FRAME_WIDTH, camera.pinhole.width);
+    capture->Set(cv::CAP_PROP_FRAME_HEIGHT, camera.pinhole.height);
   }
-  capture.set(cv::CAP_PROP_FPS, camera.fps > 0 ? camera.fps : options.camera_fps);
-  const cv::Size size(static_cast<int>(capture.get(cv::CAP_PROP_FRAME_WIDTH)),
-                      static_cast<int>(capture.get(cv::CAP_PROP_FRAME_HEIGHT)));
+  capture->Set(cv::CAP_PROP_FPS, camera.fps > 0 ? camera.fps : options.camera_fps);
+  const cv::Size size(static_cast<int>(capture->Get(cv::CAP_PROP_FRAME_WIDTH)),
+                      static_cast<int>(capture->Get(cv::CAP_PROP_FRAME_HEIGHT)));
   CameraModel adopted = camera;
   if (Status same = AdoptImageSize(options.data, size, &adopted); !same) return same.error();
   return std::unique_ptr<ImageSource>(std::make_unique<CameraSource>(options, std::move(capture), adopted));

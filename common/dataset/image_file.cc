@@ -4,11 +4,11 @@
 #include <array>
 #include <cctype>
 #include <filesystem>
-#include <opencv2/imgcodecs.hpp>
 #include <string_view>
 #include <vector>
 
 #include "base/flat_yaml.h"
+#include "dataset/image_decoding.h"
 
 namespace portolan {
 namespace {
@@ -87,14 +87,8 @@ Result<cv::Mat> ReadGreyImage(const std::string& path) {
   if (!bytes) return bytes.error();
   if (bytes->empty()) return Error{path + ": the image file is empty"};
   if (IsCutShort(*bytes)) return Error{path + ": the image file is cut short (its end marker is missing)"};
-  const cv::Mat buffer(1, static_cast<int>(bytes->size()), CV_8UC1, bytes->data());
-  cv::Mat grey;
-  try {
-    grey = cv::imdecode(buffer, cv::IMREAD_GRAYSCALE);
-  } catch (const cv::Exception& failure) {
-    return Error{path + ": can't be decoded: " + failure.what()};
-  }
-  if (grey.empty()) return Error{path + ": is not an image that can be decoded"};
+  Result<cv::Mat> grey = DecodeGrey(reinterpret_cast<const uint8_t*>(bytes->data()), bytes->size());
+  if (!grey) return Error{path + ": " + grey.error().message};
   return grey;
 }
 

@@ -5,6 +5,7 @@
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
 
+#include "dataset/media_library.h"
 #include "dataset/sources.h"
 
 namespace portolan {
@@ -13,14 +14,14 @@ namespace {
 /// A video file, decoded by FFmpeg through OpenCV.
 class VideoSource : public ImageSource {
  public:
-  VideoSource(const SourceOptions& options, cv::VideoCapture capture, const CameraModel& camera, double fps)
+  VideoSource(const SourceOptions& options, std::unique_ptr<VideoStream> capture, const CameraModel& camera, double fps)
       : options_(options), capture_(std::move(capture)), camera_(camera), fps_(fps) {}
 
   Result<std::optional<Image>> Next() override {
     if (!Advance()) return End();
     cv::Mat picture;
     const std::string name = fmt::format("{} frame {}", options_.data, frame_);
-    if (!capture_.retrieve(picture) || picture.empty()) return Error{name + ": can't be decoded"};
+    if (!capture_->Retrieve(&picture) || picture.empty()) return Error{name + ": can't be decoded"};
     if (Status same = CheckImageSize(name, picture.size(), camera_); !same) return same.error();
     Image image{frame_, stamp_, {}};
     cv::cvtColor(picture, image.grey, cv::COLOR_BGR2GRAY);
@@ -41,13 +42,13 @@ class VideoSource : public ImageSource {
   bool Advance() {
     const uint64_t next = grabbed_;
     if (options_.max_frames > 0 && next >= options_.first_frame + options_.max_frames) return false;
-    if (at_end_ || !capture_.grab()) {
+    if (at_end_ || !capture_->Grab()) {
       at_end_ = true;
       return false;
     }
     ++grabbed_;
     frame_ = next;
-    const Timestamp container{static_cast<int64_t>(std::llround(capture_.get(cv::CAP_PROP_POS_MSEC) * 1e6))};
+    const Timestamp container{static_cast<int64_t>(std::llround(capture_->Get(cv::CAP_PROP_POS_MSEC) * 1e6))};
     const bool rises = next == 0 || stamp_ < container;
     stamp_ = rises ? container : Timestamp{stamp_.ns + static_cast<int64_t>(1e9 / fps_)};
     return true;
@@ -56,7 +57,7 @@ class VideoSource : public ImageSource {
  private:
   /// What the container's header says; 0 if nothing.
   uint64_t Announced() const {
-    const double count = capture_.get(cv::CAP_PROP_FRAME_COUNT);
+    const double count = capture_->Get(cv::CAP_PROP_FRAME_COUNT);
     return count > 0 ? static_cast<uint64_t>(count) : 0;
   }
 
@@ -72,7 +73,7 @@ class VideoSource : public ImageSource {
   }
 
   const SourceOptions options_;
-  mutable cv::VideoCapture capture_;  ///< get() is const in meaning only
+  std::unique_ptr<VideoStream> capture_;
   const CameraModel camera_;
   const double fps_;
   uint64_t grabbed_ = 0;  ///< frames taken out of the container
@@ -85,13 +86,15 @@ class VideoSource : public ImageSource {
 }  // namespace
 
 Result<std::unique_ptr<ImageSource>> OpenVideoSource(const SourceOptions& options, const CameraModel& camera) {
-  cv::VideoCapture capture(options.data, cv::CAP_FFMPEG);
-  if (!capture.isOpened()) return Error{options.data + ": is not a video that FFmpeg can read"};
-  const cv::Size size(static_cast<int>(capture.get(cv::CAP_PROP_FRAME_WIDTH)),
-                      static_cast<int>(capture.get(cv::CAP_PROP_FRAME_HEIGHT)));
+  const auto media = LoadMediaModule();
+  if (!media) return media.error();
+  auto capture = (*media)->open_video(options.data, cv::CAP_FFMPEG);
+  if (!capture->IsOpened()) return Error{options.data + ": is not a video that FFmpeg can read"};
+  const cv::Size size(static_cast<int>(capture->Get(cv::CAP_PROP_FRAME_WIDTH)),
+                      static_cast<int>(capture->Get(cv::CAP_PROP_FRAME_HEIGHT)));
   CameraModel adopted = camera;
   if (Status same = AdoptImageSize(options.data, size, &adopted); !same) return same.error();
-  double fps = capture.get(cv::CAP_PROP_FPS);
+  double fps = capture->Get(cv::CAP_PROP_FPS);
   if (!(fps > 0) || !std::isfinite(fps)) fps = options.camera_fps;
   if (!(fps > 0)) return Error{fmt::format("{}: has no frame rate and none is given", options.data)};
   auto source = std::make_unique<VideoSource>(options, std::move(capture), adopted, fps);

@@ -79,6 +79,10 @@ Error FieldError(const std::string& field, double value, const std::string& expe
 
 }  // namespace
 
+bool IsSound(const RadialResidual& residual) {
+  return std::abs(residual.k1) <= kMaxRadialResidual && std::abs(residual.k2) <= kMaxRadialResidual;  // false for NaN
+}
+
 Status CameraModel::Check() const {
   const std::pair<const char*, double> focal_lengths[] = {{"fx", pinhole.fx}, {"fy", pinhole.fy}};
   for (const auto& [name, value] : focal_lengths) {

@@ -63,6 +63,19 @@ struct RadialResidual {
   friend bool operator==(const RadialResidual& a, const RadialResidual& b) { return a.k1 == b.k1 && a.k2 == b.k2; }
 };
 
+/// Of either coefficient; whole lenses have less.
+inline constexpr double kMaxRadialResidual = 1.0;
+/// Both coefficients finite and within kMaxRadialResidual.
+bool IsSound(const RadialResidual& residual);
+
+/// Which camera a residual is of.
+struct CameraResidual {
+  PinholeCamera camera;
+  RadialResidual residual;
+
+  friend bool operator==(const CameraResidual& a, const CameraResidual& b) { return a.camera == b.camera && a.residual == b.residual; }
+};
+
 /// A calibrated camera: a pinhole and its lens distortion.
 /// Source: OpenCV calib3d documentation for radial-tangential; Kannala and Brandt, PAMI 2006 for KB4.
 struct CameraModel {

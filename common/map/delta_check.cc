@@ -40,7 +40,7 @@ class DeltaChecker {
     for (const auto step :
          {&DeltaChecker::CheckRemovedIds, &DeltaChecker::CheckKeyFrames, &DeltaChecker::CheckPoints,
           &DeltaChecker::CheckHeirs, &DeltaChecker::CheckRoots, &DeltaChecker::CheckParents,
-          &DeltaChecker::SortObservations, &DeltaChecker::CheckObservations, &DeltaChecker::CheckCounts}) {
+          &DeltaChecker::CheckResiduals, &DeltaChecker::SortObservations, &DeltaChecker::CheckObservations, &DeltaChecker::CheckCounts}) {
       if (Status status = (this->*step)(); !status) return status;
     }
     return Ok{};
@@ -174,6 +174,13 @@ class DeltaChecker {
         if (path.size() > most) return About("keyframe", state.id, "would hang on a circle of parents");
       }
       sound.insert(path.begin(), path.end());
+    }
+    return Ok{};
+  }
+
+  Status CheckResiduals() {
+    for (const CameraResidual& known : delta_.residuals) {
+      if (!IsSound(known.residual)) return Error{"a camera's residual is out of range"};
     }
     return Ok{};
   }

@@ -61,6 +61,7 @@ void Map::AddKeyFrame(std::shared_ptr<const KeyFrameData> data, const Rigid3d& c
   PORTOLAN_CHECK(data != nullptr && data->id.IsValid());
   PORTOLAN_CHECK(!parent.IsValid() || keyframes_.count(parent) == 1) << "parent " << parent << " is not in map " << id_;
   const KeyFrameId id = data->id;
+  data = WithKnownResidual(std::move(data));
   KeyFrame keyframe;
   keyframe.landmarks = KeyFrameLandmarks(data->features.size());
   keyframe.data = std::move(data);
@@ -69,6 +70,28 @@ void Map::AddKeyFrame(std::shared_ptr<const KeyFrameData> data, const Rigid3d& c
   const bool is_new = keyframes_.emplace(id, std::move(keyframe)).second;
   PORTOLAN_CHECK(is_new) << "keyframe " << id << " is already in map " << id_;
   changes_.keyframes.insert(id);
+}
+
+void Map::SetResidual(const PinholeCamera& camera, const RadialResidual& residual) {
+  PORTOLAN_CHECK(IsSound(residual));
+  std::vector<CameraResidual> residuals = residuals_;
+  const auto is_of = [&](const CameraResidual& known) { return known.camera == camera; };
+  residuals.erase(std::remove_if(residuals.begin(), residuals.end(), is_of), residuals.end());
+  residuals.push_back({camera, residual});
+  TakeResiduals(std::move(residuals));
+  for (const auto& [id, keyframe] : keyframes_) changes_.keyframes.insert(id);  // a change without elements would be no delta
+}
+
+void Map::TakeResiduals(std::vector<CameraResidual> residuals) {
+  residuals_ = std::move(residuals);
+  for (auto& [id, keyframe] : keyframes_) keyframe.data = WithKnownResidual(keyframe.data);
+}
+
+std::shared_ptr<const KeyFrameData> Map::WithKnownResidual(std::shared_ptr<const KeyFrameData> data) const {
+  for (const CameraResidual& known : residuals_) {
+    if (known.camera == data->camera) return WithResidual(data, known.residual);
+  }
+  return data;
 }
 
 void Map::SetPose(KeyFrameId id, const Rigid3d& camera_from_map) {

@@ -35,6 +35,8 @@ class Map {
   MapId id() const { return id_; }
   Epoch epoch() const { return epoch_; }
   Revision revision() const { return revision_; }
+  /// What is known of the cameras' calibrations. Keyframes of other cameras have out what their data says.
+  const std::vector<CameraResidual>& residuals() const { return residuals_; }
   /// A new owner goes on with the map under a new epoch; revisions go on rising.
   void SetEpoch(Epoch epoch) { epoch_ = epoch; }
 
@@ -50,7 +52,11 @@ class Map {
   const MapPoint& point(MapPointId id) const;
 
   // Changes by the owner. Ids given must exist unless said otherwise.
+  /// Its features are taken as they are without the residual that is known of its camera, whatever the data had taken out (WithResidual).
   void AddKeyFrame(std::shared_ptr<const KeyFrameData> data, const Rigid3d& camera_from_map, KeyFrameId parent);
+  /// What a camera's calibration left, found later than its first keyframes were made: the data of all its keyframes is replaced by what it is
+  /// without it, here and, with the next delta, in every replica. Poses and positions stay.
+  void SetResidual(const PinholeCamera& camera, const RadialResidual& residual);
   void SetPose(KeyFrameId id, const Rigid3d& camera_from_map);
   void SetParent(KeyFrameId id, KeyFrameId parent);
   /// Removes it and its observations; points left with fewer than two observations go too. Children hang on its parent
@@ -112,6 +118,8 @@ class Map {
   void LinkObservation(MapPoint* point, KeyFrameId keyframe, uint32_t feature);
   void UnlinkObservation(MapPoint* point, size_t index);
   void UnlinkAll(MapPoint* point);
+  void TakeResiduals(std::vector<CameraResidual> residuals);
+  std::shared_ptr<const KeyFrameData> WithKnownResidual(std::shared_ptr<const KeyFrameData> data) const;
   void RemoveUnseenPoints();
   Status CheckOrigin(const MapDelta& delta) const;
   void ApplyChecked(const MapDelta& delta, const FindData& find_data);
@@ -124,6 +132,7 @@ class Map {
   MapId id_;
   Epoch epoch_ = 0;
   Revision revision_ = 0;
+  std::vector<CameraResidual> residuals_;
   std::map<KeyFrameId, KeyFrame> keyframes_;
   std::unordered_map<MapPointId, MapPoint> points_;
   CovisibilityGraph covisibility_;

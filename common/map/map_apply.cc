@@ -35,6 +35,7 @@ MapDelta Map::TakeDelta() {
   delta.map = id_;
   delta.epoch = epoch_;
   delta.base_revision = revision_;
+  delta.residuals = residuals_;
   delta.removed_points = std::move(changes_.removed_points);
   delta.removed_keyframes = std::move(changes_.removed_keyframes);
   for (const KeyFrameId id : changes_.keyframes) delta.keyframes.push_back(StateOf(keyframe(id)));
@@ -54,6 +55,7 @@ MapDelta Map::Snapshot() const {
   delta.epoch = epoch_;
   delta.base_revision = 0;
   delta.revision = revision_;
+  delta.residuals = residuals_;
   // Parents before children, so that a part of a snapshot never refers ahead: ids rise with age.
   for (const auto& [id, keyframe] : keyframes_) delta.keyframes.push_back(StateOf(keyframe));
   size_t num_observations = 0;
@@ -108,7 +110,7 @@ Status Map::Apply(const MapDelta& delta, const FindData& find_data) {
 void Map::ReplaceData(KeyFrameId id, std::shared_ptr<const KeyFrameData> data) {
   KeyFrame& keyframe = MutableKeyFrame(id);
   PORTOLAN_CHECK(data->id == id && data->features.size() == keyframe.landmarks.num_features()) << "data of " << data->id;
-  keyframe.data = std::move(data);
+  keyframe.data = WithKnownResidual(std::move(data));
   if (!keyframe.data->features.HasAppearance()) return;
   for (const MapPointId landmark : keyframe.landmarks) {
     MapPoint& point = points_.at(landmark);
@@ -126,6 +128,7 @@ void Map::TakeMissingDescriptors(const Map& from) {
 
 void Map::ApplyChecked(const MapDelta& delta, const FindData& find_data) {
   ApplyRemovals(delta);
+  if (delta.residuals != residuals_) TakeResiduals(delta.residuals);
   for (const auto& state : delta.keyframes) {
     if (keyframes_.count(state.id) == 0) AddKeyFrame(find_data(state.id), state.camera_from_map, KeyFrameId());
     SetPose(state.id, state.camera_from_map);

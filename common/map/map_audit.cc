@@ -12,6 +12,11 @@ namespace portolan {
 uint64_t HashMap(const Map& map) {
   Hasher hasher;
   hasher.Add(map.id().value);
+  for (const CameraResidual& known : map.residuals()) {
+    for (const double value : {known.camera.fx, known.camera.fy, known.camera.cx, known.camera.cy, known.residual.k1, known.residual.k2}) {
+      hasher.AddBytes(&value, sizeof value);
+    }
+  }
   for (const auto& [id, keyframe] : map.keyframes()) {
     hasher.Add(id.value);
     hasher.Add(keyframe.parent.value);

@@ -31,6 +31,7 @@ MapDelta HeaderOf(const MapDelta& delta) {
   header.epoch = delta.epoch;
   header.base_revision = delta.base_revision;
   header.revision = delta.revision;
+  header.residuals = delta.residuals;
   return header;
 }
 

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "base/ids.h"
+#include "geometry/camera_model.h"
 #include "geometry/rigid3.h"
 
 namespace portolan {
@@ -48,6 +49,7 @@ struct MapDelta {
   Epoch epoch = 0;
   Revision base_revision = 0;  ///< the state this applies to; 0: a snapshot, which replaces everything
   Revision revision = 0;
+  std::vector<CameraResidual> residuals;  ///< all that are known by then, not changes (Map::SetResidual)
   std::vector<RemovedPoint> removed_points;
   std::vector<RemovedKeyFrame> removed_keyframes;
   std::vector<KeyFrameState> keyframes;

@@ -77,6 +77,33 @@ bool IsSound(const Rigid3d& motion) {
          motion.translation.cwiseAbs().maxCoeff() <= kMaxCoordinate;
 }
 
+void Write(const PinholeCamera& camera, ByteWriter* writer) {
+  for (const double value : {camera.fx, camera.fy, camera.cx, camera.cy}) writer->Fixed(value);
+  writer->Fixed(static_cast<int32_t>(camera.width));
+  writer->Fixed(static_cast<int32_t>(camera.height));
+}
+
+PinholeCamera ReadCamera(ByteReader* reader) {
+  PinholeCamera camera;
+  for (double* value : {&camera.fx, &camera.fy, &camera.cx, &camera.cy}) *value = reader->Fixed<double>();
+  camera.width = reader->Fixed<int32_t>();
+  camera.height = reader->Fixed<int32_t>();
+  return camera;
+}
+
+void Write(const RadialResidual& residual, ByteWriter* writer) {
+  writer->Fixed(residual.k1);
+  writer->Fixed(residual.k2);
+}
+
+RadialResidual ReadResidual(ByteReader* reader) {
+  RadialResidual residual;
+  residual.k1 = reader->Fixed<double>();
+  residual.k2 = reader->Fixed<double>();
+  return residual;
+}
+constexpr size_t kCameraResidualBytes = 6 * sizeof(double) + 2 * sizeof(int32_t);
+
 FeatureSet ReadFeatures(ByteReader* reader) {
   const size_t count = reader->Count(kFeatureBytes);
   FeatureSet features;
@@ -174,11 +201,10 @@ std::string EncodeKeyFrameData(const KeyFrameData& data) {
   writer.Fixed(data.id.value);
   writer.Fixed(data.stamp.ns);
   writer.Fixed(data.frame);
-  for (const double value : {data.camera.fx, data.camera.fy, data.camera.cx, data.camera.cy}) writer.Fixed(value);
-  writer.Fixed(static_cast<int32_t>(data.camera.width));
-  writer.Fixed(static_cast<int32_t>(data.camera.height));
+  Write(data.camera, &writer);
   writer.Fixed(static_cast<int32_t>(data.pyramid.levels));
   writer.Fixed(data.pyramid.factor);
+  Write(data.residual, &writer);
   const FeatureSet& features = data.features;
   writer.Varint(features.size());
   writer.FixedArray(features.pixels_px.data(), features.size());
@@ -197,17 +223,16 @@ Result<KeyFrameData> DecodeKeyFrameData(std::string_view bytes) {
   data.id = KeyFrameId(reader.Fixed<uint64_t>());
   data.stamp.ns = reader.Fixed<int64_t>();
   data.frame = reader.Fixed<uint64_t>();
-  for (double* value : {&data.camera.fx, &data.camera.fy, &data.camera.cx, &data.camera.cy})
-    *value = reader.Fixed<double>();
-  data.camera.width = reader.Fixed<int32_t>();
-  data.camera.height = reader.Fixed<int32_t>();
+  data.camera = ReadCamera(&reader);
   data.pyramid.levels = reader.Fixed<int32_t>();
   data.pyramid.factor = reader.Fixed<double>();
+  data.residual = ReadResidual(&reader);
   data.features = ReadFeatures(&reader);
   if (!reader.AtEnd()) return Error{what + ": its length does not fit its content"};
   if (!data.id.IsValid()) return Error{what + ": without an id"};
   if (!IsSound(data.camera)) return Error{what + " " + ToString(data.id) + ": its camera is out of range"};
   if (!IsSound(data.pyramid)) return Error{what + " " + ToString(data.id) + ": its pyramid is out of range"};
+  if (!IsSound(data.residual)) return Error{what + " " + ToString(data.id) + ": its camera's residual is out of range"};
   if (!IsSound(data.features, data.camera, data.pyramid))
     return Error{what + " " + ToString(data.id) + ": a feature is out of range"};
   return data;
@@ -220,6 +245,11 @@ std::string EncodeSnapshot(const MapDelta& snapshot) {
   writer.Fixed(snapshot.map.value);
   writer.Fixed(snapshot.epoch);
   writer.Fixed(snapshot.revision);
+  writer.Varint(snapshot.residuals.size());
+  for (const CameraResidual& known : snapshot.residuals) {
+    Write(known.camera, &writer);
+    Write(known.residual, &writer);
+  }
   WriteLists(snapshot, &writer);
   return Seal(std::move(writer));
 }
@@ -233,6 +263,12 @@ Result<MapDelta> DecodeSnapshot(std::string_view bytes) {
   snapshot.map = MapId(reader.Fixed<uint64_t>());
   snapshot.epoch = reader.Fixed<uint64_t>();
   snapshot.revision = reader.Fixed<uint64_t>();
+  snapshot.residuals.resize(reader.Count(kCameraResidualBytes));
+  for (CameraResidual& known : snapshot.residuals) {
+    known.camera = ReadCamera(&reader);
+    known.residual = ReadResidual(&reader);
+    if (!IsSound(known.camera) || !IsSound(known.residual)) return Error{what + " of " + ToString(snapshot.map) + ": a camera's residual is out of range"};
+  }
   const std::string wrong = ReadLists(&reader, &snapshot);
   if (!wrong.empty()) return Error{what + " of " + ToString(snapshot.map) + ": " + wrong};
   if (!reader.AtEnd()) return Error{what + " of " + ToString(snapshot.map) + ": its length does not fit its content"};

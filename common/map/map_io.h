@@ -20,7 +20,7 @@ namespace portolan {
 // Little-endian. What is read back is equal to the bit. Decoding refuses whatever does not make a valid value: other
 // versions, wrong hashes, lengths that don't fit, values that are not finite or out of range, bytes left over.
 
-constexpr uint16_t kMapFormVersion = 1;
+constexpr uint16_t kMapFormVersion = 2;
 
 /// Derived fields are left out. 45 bytes a feature.
 std::string EncodeKeyFrameData(const KeyFrameData& data);

@@ -20,6 +20,7 @@ struct Example {
 
   Example() {
     for (int i = 0; i < 300; ++i) edits.Next();
+    map.SetResidual(map.keyframes().begin()->second.data->camera, {0.02, -0.01});
     static_cast<void>(map.TakeDelta());
     snapshot = map.Snapshot();
   }
@@ -49,12 +50,14 @@ TEST(MapIo, KeyFrameDataComesBackToTheBit) {
     data.stamp = Timestamp{-5};
     data.frame = UINT64_MAX;
     data.features.angles_rad[3] = 1.25f;
+    data.residual = {0.03, -0.25};
     const Result<KeyFrameData> back = DecodeKeyFrameData(EncodeKeyFrameData(data));
     ASSERT_TRUE(back.ok()) << MessageOf(back);
     EXPECT_EQ(back->id, data.id);
     EXPECT_EQ(back->stamp, data.stamp);
     EXPECT_EQ(back->frame, data.frame);
     EXPECT_EQ(back->camera, data.camera);
+    EXPECT_EQ(back->residual, data.residual);
     EXPECT_EQ(back->pyramid.levels, data.pyramid.levels);
     EXPECT_EQ(back->pyramid.factor, data.pyramid.factor);
     EXPECT_EQ(back->features.pixels_px, data.features.pixels_px);
@@ -122,9 +125,15 @@ TEST(MapIo, NamesWhatIsWrong) {
   const Example example;
   const std::string bytes = EncodeKeyFrameData(example.data());
   EXPECT_NE(MessageOf(DecodeSnapshot(bytes)).find("PMAP"), std::string::npos);
-  std::string newer = bytes;
-  newer[4] = 2;
-  EXPECT_NE(MessageOf(DecodeKeyFrameData(Reseal(newer))).find("form 2"), std::string::npos);
+  // Also of form 1, which had no residuals: it was never released.
+  for (const char form : {'\1', '\3'}) {
+    std::string other = bytes;
+    other[4] = form;
+    EXPECT_NE(MessageOf(DecodeKeyFrameData(Reseal(other))).find("form " + std::to_string(form) + ", this program reads form 2"), std::string::npos);
+    std::string state = EncodeSnapshot(example.snapshot);
+    state[4] = form;
+    EXPECT_NE(MessageOf(DecodeSnapshot(Reseal(state))).find("form " + std::to_string(form)), std::string::npos);
+  }
   std::string damaged = bytes;
   damaged[kHeadBytes + 50] ^= 1;
   EXPECT_NE(MessageOf(DecodeKeyFrameData(damaged)).find("damaged"), std::string::npos);
@@ -144,6 +153,7 @@ TEST(MapIo, RefusesValuesOutOfRange) {
   EXPECT_TRUE(refused([](KeyFrameData* d) { d->camera.height = 1 << 30; }));
   EXPECT_TRUE(refused([](KeyFrameData* d) { d->pyramid.levels = 0; }));
   EXPECT_TRUE(refused([](KeyFrameData* d) { d->pyramid.factor = 1; }));
+  EXPECT_TRUE(refused([](KeyFrameData* d) { d->residual.k2 = NAN; }));
   EXPECT_TRUE(refused([](KeyFrameData* d) { d->features.octaves[0] = 8; }));
   EXPECT_TRUE(refused([](KeyFrameData* d) { d->features.pixels_px[1].x() = 640; }));
   EXPECT_TRUE(refused([](KeyFrameData* d) { d->features.pixels_px[1].y() = NAN; }));
@@ -159,6 +169,8 @@ TEST(MapIo, RefusesSnapshotsOutOfRange) {
     return !DecodeSnapshot(EncodeSnapshot(snapshot)).ok();
   };
   EXPECT_TRUE(refused([](MapDelta* d) { d->map = MapId(); }));
+  EXPECT_TRUE(refused([](MapDelta* d) { d->residuals[0].residual.k1 = 1.5; }));
+  EXPECT_TRUE(refused([](MapDelta* d) { d->residuals[0].camera.fx = 0; }));
   EXPECT_TRUE(refused([](MapDelta* d) { d->keyframes[0].camera_from_map.rotation.w() += 0.1; }));
   EXPECT_TRUE(refused([](MapDelta* d) { d->keyframes[0].camera_from_map.translation.x() = NAN; }));
   EXPECT_TRUE(refused([](MapDelta* d) { d->keyframes[1].id = KeyFrameId(); }));

@@ -48,7 +48,9 @@ void MapReplica::RestoreAppearance(std::shared_ptr<const KeyFrameData> data) {
   const auto found = data_.find(id);
   if (found == data_.end()) return;
   found->second = std::move(data);
-  if (map_.FindKeyFrame(id) != nullptr) map_.ReplaceData(id, found->second);
+  if (map_.FindKeyFrame(id) == nullptr) return;
+  map_.ReplaceData(id, found->second);
+  found->second = map_.keyframe(id).data;  // without the residual that the map knows of
 }
 
 void MapReplica::DropKeyFrameData(KeyFrameId id) {
@@ -104,6 +106,9 @@ bool MapReplica::TryApply(MapDelta* delta, const Map::FindData& elsewhere) {
   for (const auto& state : delta->keyframes) AddKeyFrameData(map_.keyframe(state.id).data);
   delta->removed_keyframes.insert(delta->removed_keyframes.end(), vanished.begin(), vanished.end());
   for (const auto& removed : delta->removed_keyframes) data_.erase(removed.id);
+  for (const auto& state : delta->keyframes) {  // as the map has it: its residual may have changed it
+    if (const auto found = data_.find(state.id); found != data_.end()) found->second = map_.keyframe(state.id).data;
+  }
   return true;
 }
 

@@ -77,7 +77,6 @@ struct MapperState {
   ProcessId correction_process;     ///< whose correction was answered last, none if none;
   uint64_t correction_number = 0;   ///< its number there:
   std::string correction_refusal;   ///< why it was not applied; empty: it is in the map at `revision`
-  RadialResidual residual;          ///< what the calibration of the map's camera left, as far as the mapper knows
 };
 
 /// How far a process that looks at each keyframe has come (loop_closer: loops, atlas_server: overlaps): sent whenever it changes.

@@ -10,7 +10,7 @@
 
 namespace portolan {
 
-/// Global BA (paper Sec. 5): all keyframes of a snapshot and the longest tracks of each; other landmarks follow. The
+/// Global BA (paper Sec. 5): all keyframes of a snapshot and their landmarks. The
 /// map keeps its frame and scale.
 /// @return the proposal, kind "global_ba"; or why there is none: too small a map, no improvement, "interrupted".
 /// `stop` (may be null) ends it after the current iteration, without a result. `times` (may be null) gets global_ba.

@@ -10,6 +10,7 @@
 #include "map_optimization/map_correction.h"
 #include "map_optimization/reprojection_error.h"
 #include "map_optimization/window_problem.h"
+#include "optimization/large_bundle.h"
 
 namespace portolan {
 namespace {
@@ -90,7 +91,7 @@ Result<AdjustedKeyFrames> AdjustKeyFrames(const Map& map, const std::vector<KeyF
   bundle.function_tolerance = options.function_tolerance;
   AdjustedKeyFrames result;
   result.measurements = static_cast<int>(problem.problem.measurements.size());
-  result.summary = AdjustBundleGradually(&problem.problem, bundle, stop);
+  result.summary = AdjustLargeBundle(&problem.problem, bundle, stop);
   if (result.summary.interrupted) return Error{"interrupted"};
   if (!result.summary.converged_or_stopped) return Error{"the BA failed"};
 

@@ -167,7 +167,7 @@ Status LoopCorrector::Weld() {
   WindowProblem problem = MakeWindowProblem(map_, window);
   BundleOptions bundle;
   bundle.max_iterations = options_.bundle_iterations;
-  const BundleSummary summary = AdjustBundleGradually(&problem.problem, bundle, stop_);
+  const BundleSummary summary = AdjustBundle(&problem.problem, bundle, stop_);
   if (summary.interrupted) return Interrupted();
   if (!summary.converged_or_stopped) return Failed("the welding BA failed");
   TakeSolution(window, problem, &map_);

@@ -1,9 +1,11 @@
 #include "map_optimization/map_fusion.h"
 
+#include <algorithm>
 #include <map>
 #include <optional>
 #include <set>
 #include <string>
+#include <vector>
 
 #include "base/time.h"
 #include "map_optimization/correction_steps.h"
@@ -40,6 +42,7 @@ Status CheckOverlap(const Map& map, const Map& other, const LoopClosure& overlap
   if (!IsSimilarity(overlap.current_from_matched)) {
     return Error{"fusion: current_from_matched is no similarity, scale " + std::to_string(overlap.current_from_matched.scale)};
   }
+  if (Status checked = CheckResiduals(map, other); !checked.ok()) return checked;
   return CheckDistinct(map, other);
 }
 
@@ -55,8 +58,18 @@ void HangTree(const Map& other, const Edge& edge, Map* map) {
   }
 }
 
+/// Where the map has none of a camera of which the other knows the residual, data from elsewhere, as it was before, becomes that of the other's replicas.
+void TakeResiduals(const Map& other, Map* map) {
+  const std::vector<CameraResidual> own = map->residuals();
+  for (const CameraResidual& known : other.residuals()) {
+    const bool is_known = std::any_of(own.begin(), own.end(), [&](const CameraResidual& one) { return one.camera == known.camera; });
+    if (!is_known) map->SetResidual(known.camera, known.residual);
+  }
+}
+
 /// Adds all of the other map, moved, as it is: nothing merged yet.
 void TakeIn(const Map& other, const MovedMap& moved, const Edge& edge, Map* map) {
+  TakeResiduals(other, map);
   for (const auto& [id, camera_from_map] : moved.poses) map->AddKeyFrame(other.keyframe(id).data, camera_from_map, KeyFrameId());
   HangTree(other, edge, map);
   for (const auto& [id, position] : moved.points) {
@@ -81,6 +94,7 @@ Status CheckFusion(const MapCorrection& correction, const Map& other, const Map&
     return Error{name + ": map_from_other is no similarity, scale " + std::to_string(correction.map_from_other.scale)};
   }
   if (other.keyframes().empty()) return Error{name + ": map " + ToString(other.id()) + " is empty"};
+  if (Status checked = CheckResiduals(map, other); !checked.ok()) return checked;
   return CheckDistinct(map, other);
 }
 
@@ -195,6 +209,23 @@ MapCorrection FusionProposer::Take() && {
 Sim3d MapFromOther(const Map& map, const Map& other, const LoopClosure& overlap) {
   return Sim3d(map.keyframe(overlap.matched).camera_from_map).Inverse() * overlap.current_from_matched.Inverse() *
          Sim3d(other.keyframe(overlap.current).camera_from_map);
+}
+
+Status CheckResiduals(const Map& map, const Map& other) {
+  std::vector<CameraResidual> seen;
+  for (const Map* one : {&map, &other}) {
+    for (const auto& [id, keyframe] : one->keyframes()) {
+      const CameraResidual taken_out{keyframe.data->camera, keyframe.data->residual};
+      const auto same = std::find_if(seen.begin(), seen.end(), [&](const CameraResidual& before) { return before.camera == taken_out.camera; });
+      if (same == seen.end()) {
+        seen.push_back(taken_out);
+      } else if (!(*same == taken_out)) {
+        return Error{"fusion of map " + ToString(other.id()) + " into map " + ToString(map.id()) + ": keyframe " + ToString(id) +
+                     " has another residual of its camera taken out than those before it"};
+      }
+    }
+  }
+  return Ok{};
 }
 
 Result<MapCorrection> ProposeFusion(const Map& map, const Map& other, const LoopClosure& overlap, const LoopCorrectionOptions& options,

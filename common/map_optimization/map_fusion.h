@@ -19,6 +19,10 @@ namespace portolan {
 /// map_from_other that an overlap says.
 Sim3d MapFromOther(const Map& map, const Map& other, const LoopClosure& overlap);
 
+/// Whether all keyframes of a camera, in both maps, had the same residual taken out. Fails with the keyframe that differs: features of a place that the
+/// two lenses put apart are no place to weld. Maps of one mapper agree before long.
+Status CheckResiduals(const Map& map, const Map& other);
+
 /// Proposes to take `other` into `map`. "The fusion method is similar to the correction method in the loop closing
 /// thread, with the main difference being that all key frames and map points in the current map are corrected": on a
 /// private copy all of `other` moves by the overlap's similarity (paper Eq. 13, 14); then the steps of CorrectLoop with all
@@ -31,7 +35,7 @@ Sim3d MapFromOther(const Map& map, const Map& other, const LoopClosure& overlap)
 /// @return the proposal, kind "fusion", of `map`: where `other` goes as a whole and, for its keyframes, in the units that
 /// they have in `other`; all its points and those of `map` that the weld moved; merges and observations; as loop edges the pairs (keyframe of other, of map) that
 /// hold the two together, the overlap's first. Or why there is none: unknown keyframes, no similarity, elements that are in
-/// both maps, too little in common, "interrupted".
+/// both maps, residuals that differ (CheckResiduals), too little in common, "interrupted".
 /// `stop` (may be null) is looked at between and within the steps. `times` (may be null) gets fusion_join, fusion_window,
 /// fusion_fusion, fusion_welding, fusion_graph. Deterministic.
 Result<MapCorrection> ProposeFusion(const Map& map, const Map& other, const LoopClosure& overlap, const LoopCorrectionOptions& options,
@@ -42,8 +46,8 @@ Result<MapCorrection> ProposeFusion(const Map& map, const Map& other, const Loop
 /// ApplyMapCorrection. `other`'s spanning tree is hung, by the first loop edge whose two ends are still there, below the
 /// keyframe of `map` that it names, and turned so that it begins there: one tree. Then the merges, then the observations.
 /// @return the merges made (from, into). Fails, changing nothing, for another kind, map, other or epoch, a revision to
-/// come, values that are no similarity or not finite, an empty `other`, elements that are in both maps, or when none of its
-/// loop edges is left.
+/// come, values that are no similarity or not finite, an empty `other`, elements that are in both maps, residuals that differ (CheckResiduals), or when
+/// none of its loop edges is left. What `other` knows of the residuals of cameras `map` knows then, too.
 Result<std::vector<std::pair<MapPointId, MapPointId>>> ApplyFusion(const MapCorrection& correction, const Map& other, Map* map);
 
 }  // namespace portolan

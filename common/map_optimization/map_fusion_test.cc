@@ -320,6 +320,33 @@ TEST_P(MapFusionRefusalTest, RefusesOverlapsThatAreNone) {
   refuses(overlap_, points, "point " + ToString(map_.SortedPointIds()[0]) + " is in map");
 }
 
+/// One had its lens taken out, the other not (yet): their features of one place are pixels apart at the rim.
+TEST_P(MapFusionRefusalTest, MapsWhoseFeaturesDifferByTheLensWait) {
+  const PinholeCamera camera = scene_.views[0].data->camera;
+  const RadialResidual lens{1e-4, 0};
+  const auto before = Propose();
+  ASSERT_TRUE(before.ok());
+  EXPECT_TRUE(CheckResiduals(map_, other_).ok());
+  other_.SetResidual(camera, lens);
+  EXPECT_FALSE(CheckResiduals(map_, other_).ok());
+  const auto early = Propose();
+  ASSERT_FALSE(early.ok());
+  EXPECT_THAT(early.error().message, HasSubstr("another residual"));
+  const uint64_t hash = HashMap(map_);
+  EXPECT_FALSE(ApplyFusion(*before, other_, &map_).ok());
+  EXPECT_EQ(HashMap(map_), hash);
+
+  // The map's frames were taken without it, and it does not know: it learns it with the other's.
+  Map adapted(map_.id(), map_.epoch());
+  const MapDelta state = map_.Snapshot();
+  ASSERT_TRUE(adapted.Apply(state, [&](KeyFrameId id) { return WithResidual(map_.keyframe(id).data, lens); }).ok());
+  map_ = adapted;
+  const auto fusion = Propose();
+  ASSERT_TRUE(fusion.ok()) << fusion.error().message;
+  ASSERT_TRUE(ApplyFusion(*fusion, other_, &map_).ok());
+  EXPECT_EQ(map_.residuals(), other_.residuals());
+}
+
 TEST_P(MapFusionRefusalTest, StopEndsIt) {
   const std::atomic<bool> stop{true};
   const auto correction = ProposeFusion(map_, other_, overlap_, options_, &stop, nullptr);

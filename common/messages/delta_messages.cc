@@ -144,6 +144,7 @@ wire::MapDelta ToWire(const MapDeltaChunk& chunk) {
   wire.revision(delta.revision);
   wire.chunk_index(chunk.index);
   wire.chunk_count(chunk.count);
+  for (const CameraResidual& known : delta.residuals) wire.residuals().push_back(ToWire(known));
   RemovalsToWire(delta, &wire);
   for (const MapDelta::KeyFrameState& keyframe : delta.keyframes) {
     wire.keyframes().push_back(keyframe.id.value);
@@ -162,6 +163,11 @@ wire::MapDelta ToWire(const MapDeltaChunk& chunk) {
 Result<MapDeltaChunk> FromWire(const wire::MapDelta& wire) {
   MessageCheck check("MapDelta");
   CheckHeader(wire, &check);
+  check.AtMost("number of residuals", wire.residuals().size(), kMaxResiduals);
+  for (const auto& known : wire.residuals()) {
+    CheckCamera(known.camera(), &check);
+    CheckResidual(known.residual(), &check);
+  }
   check.AtMost("number of elements",
                wire.removed_points().size() + wire.removed_keyframes().size() + wire.keyframes().size() +
                    wire.points().size() + wire.observation_features().size(),
@@ -178,6 +184,7 @@ Result<MapDeltaChunk> FromWire(const wire::MapDelta& wire) {
   chunk.part.epoch = wire.epoch();
   chunk.part.base_revision = wire.base_revision();
   chunk.part.revision = wire.revision();
+  for (const auto& known : wire.residuals()) chunk.part.residuals.push_back({FromWire(known.camera()), FromWire(known.residual())});
   RemovalsFromWire(wire, &chunk.part);
   ElementsFromWire(wire, &chunk.part);
   return chunk;

@@ -20,6 +20,7 @@ void ExpectSamePose(const Rigid3d& a, const Rigid3d& b) {
 }
 
 void ExpectSameElements(const MapDelta& a, const MapDelta& b) {
+  EXPECT_EQ(a.residuals, b.residuals);
   ASSERT_EQ(a.removed_points.size(), b.removed_points.size());
   for (size_t i = 0; i < a.removed_points.size(); ++i) {
     EXPECT_EQ(a.removed_points[i].id, b.removed_points[i].id);
@@ -104,6 +105,9 @@ TEST(DeltaMessagesTest, RefusesWhatIsMalformedAndSaysWhy) {
       {"chunk 5 of 5", [](wire::MapDelta* w) { w->chunk_index(5), w->chunk_count(5); }},
       {"chunk_count is 4000000000", [](wire::MapDelta* w) { w->chunk_count(4000000000u); }},
       {"does not follow its base", [](wire::MapDelta* w) { w->base_revision(7), w->revision(7); }},
+      {"residual.k1 is", [](wire::MapDelta* w) { w->residuals()[0].residual().k1(-2); }},
+      {"camera.fx is not positive", [](wire::MapDelta* w) { w->residuals()[0].camera().fx(0); }},
+      {"number of residuals", [](wire::MapDelta* w) { w->residuals().resize(kMaxResiduals + 1); }},
       {"removed_replaced_by has", [](wire::MapDelta* w) { w->removed_replaced_by().pop_back(); }},
       {"removed_points holds", [](wire::MapDelta* w) { w->removed_points()[0] = 0; }},
       {"removed_anchors has", [](wire::MapDelta* w) { w->removed_anchors().clear(); }},

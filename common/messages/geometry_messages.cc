@@ -92,6 +92,29 @@ void CheckCamera(const wire_v1::PinholeCamera& wire, MessageCheck* check) {
   check->AtMost("camera.height", wire.height(), kMaxImageSide);
 }
 
+wire_v1::RadialResidual ToWire(const RadialResidual& residual) {
+  wire_v1::RadialResidual wire;
+  wire.k1(residual.k1);
+  wire.k2(residual.k2);
+  return wire;
+}
+
+RadialResidual FromWire(const wire_v1::RadialResidual& wire) { return {wire.k1(), wire.k2()}; }
+
+void CheckResidual(const wire_v1::RadialResidual& wire, MessageCheck* check) {
+  for (const auto& [field, value] : {std::pair("residual.k1", wire.k1()), std::pair("residual.k2", wire.k2())}) {
+    check->Require(std::abs(value) <= kMaxRadialResidual,
+                   std::string(field) + " is " + std::to_string(value) + ", expected at most 1 either way");
+  }
+}
+
+wire_v1::CameraResidual ToWire(const CameraResidual& known) {
+  wire_v1::CameraResidual wire;
+  wire.camera(ToWire(known.camera));
+  wire.residual(ToWire(known.residual));
+  return wire;
+}
+
 void AppendRigid3(const Rigid3d& rigid, std::vector<double>* values) {
   const auto rotation = QuaternionToArray(rigid.rotation);
   const auto translation = VectorToArray(rigid.translation);

@@ -27,6 +27,12 @@ PinholeCamera FromWire(const wire_v1::PinholeCamera& wire);
 /// Finite, positive focal lengths, sides from 1 to kMaxImageSide.
 void CheckCamera(const wire_v1::PinholeCamera& wire, MessageCheck* check);
 
+wire_v1::RadialResidual ToWire(const RadialResidual& residual);
+RadialResidual FromWire(const wire_v1::RadialResidual& wire);
+/// Both coefficients finite and at most kMaxRadialResidual either way.
+void CheckResidual(const wire_v1::RadialResidual& wire, MessageCheck* check);
+wire_v1::CameraResidual ToWire(const CameraResidual& known);
+
 /// A pose in an array of doubles: quaternion x, y, z, w, then translation.
 constexpr size_t kRigid3Doubles = 7;
 void AppendRigid3(const Rigid3d& rigid, std::vector<double>* values);

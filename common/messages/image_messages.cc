@@ -1,10 +1,10 @@
 #include "messages/image_messages.h"
 
 #include <cstring>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "base/check.h"
+#include "dataset/image_decoding.h"
 #include "messages/limits.h"
 #include "messages/message_check.h"
 
@@ -110,17 +110,12 @@ Result<Image> FromWire(const sensor_msgs::msg::dds_::CompressedImage_& wire) {
   check.Require(IsJpegOrPng(wire.data()), "data is neither JPEG nor PNG");
   if (!check.ok()) return check.error();
 
-  cv::Mat grey;
-  try {
-    grey = cv::imdecode(wire.data(), cv::IMREAD_GRAYSCALE);
-  } catch (const cv::Exception& exception) {
-    return Error{std::string("CompressedImage: ") + exception.what()};
-  }
-  check.Require(!grey.empty(), "can't be decoded");
-  check.AtMost("width", static_cast<uint64_t>(grey.cols), kMaxImageSide);
-  check.AtMost("height", static_cast<uint64_t>(grey.rows), kMaxImageSide);
+  const Result<cv::Mat> grey = DecodeGrey(wire.data().data(), wire.data().size());
+  if (!grey) return Error{"CompressedImage: " + grey.error().message};
+  check.AtMost("width", static_cast<uint64_t>(grey->cols), kMaxImageSide);
+  check.AtMost("height", static_cast<uint64_t>(grey->rows), kMaxImageSide);
   if (!check.ok()) return check.error();
-  return Image{0, StampFromWire(wire.header().stamp()), grey};
+  return Image{0, StampFromWire(wire.header().stamp()), *grey};
 }
 
 }  // namespace portolan

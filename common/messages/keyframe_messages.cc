@@ -128,6 +128,7 @@ wire::KeyFrame ToWire(const KeyFrameMessage& message) {
   wire.reference(message.reference.value);
   wire.camera_from_map(ToWire(message.camera_from_map));
   wire.camera(ToWire(data.camera));
+  wire.residual(ToWire(data.residual));
   wire.pyramid_levels(static_cast<uint8_t>(data.pyramid.levels));
   wire.pyramid_factor(data.pyramid.factor);
   const int steps_per_pixel = StepsPerPixel(data.camera);
@@ -150,6 +151,7 @@ Result<KeyFrameMessage> FromWire(const wire::KeyFrame& wire) {
   CheckKind(wire, &check);
   CheckRigid3("camera_from_map", wire.camera_from_map(), &check);
   CheckCamera(wire.camera(), &check);
+  CheckResidual(wire.residual(), &check);
   CheckPyramid(wire, &check);
   CheckFeatures(wire, &check);
   CheckLandmarks(wire, &check);
@@ -161,6 +163,7 @@ Result<KeyFrameMessage> FromWire(const wire::KeyFrame& wire) {
   message.data.stamp.ns = wire.stamp_ns();
   message.data.frame = wire.frame();
   message.data.camera = FromWire(wire.camera());
+  message.data.residual = FromWire(wire.residual());
   message.data.pyramid = ScalePyramid{wire.pyramid_levels(), wire.pyramid_factor()};
   message.data.features = FeaturesFromWire(wire);
   message.kind = static_cast<KeyFrameKind>(wire.kind());

@@ -33,6 +33,7 @@ TEST(KeyFrameMessagesTest, AQuantisedKeyFrameComesBackToTheBit) {
     EXPECT_EQ(received->data.stamp, sent.data.stamp);
     EXPECT_EQ(received->data.frame, sent.data.frame);
     EXPECT_EQ(received->data.camera, sent.data.camera);
+    EXPECT_EQ(received->data.residual, sent.data.residual);
     EXPECT_EQ(received->data.pyramid.levels, sent.data.pyramid.levels);
     EXPECT_EQ(received->data.pyramid.factor, sent.data.pyramid.factor);
     ExpectSameFeatures(received->data.features, sent.data.features);
@@ -86,6 +87,7 @@ TEST(KeyFrameMessagesTest, RefusesWhatIsMalformedAndSaysWhy) {
       {"camera.fx", [](wire::KeyFrame* w) { w->camera().fx(-1); }},
       {"camera.fy", [](wire::KeyFrame* w) { w->camera().fy(kNaN); }},
       {"camera.cx", [](wire::KeyFrame* w) { w->camera().cx(kNaN); }},
+      {"residual.k2 is", [](wire::KeyFrame* w) { w->residual().k2(kNaN); }},
       {"camera has no size", [](wire::KeyFrame* w) { w->camera().width(0); }},
       {"camera.height is 4000000000", [](wire::KeyFrame* w) { w->camera().height(4000000000u); }},
       {"pyramid has no level", [](wire::KeyFrame* w) { w->pyramid_levels(0); }},

@@ -31,6 +31,9 @@ constexpr size_t kMaxCorrectedPoints = 4000000;
 /// Merges of points, or loop edges, in one correction.
 constexpr size_t kMaxCorrectedPairs = 1000000;
 
+/// Cameras of a map whose residuals are known.
+constexpr size_t kMaxResiduals = 64;
+
 /// Bytes of a name ("loop", "frontend_tracker"), of a line of text (reasons, states), and of a whole answer (a list of
 /// maps as JSON).
 constexpr size_t kMaxNameBytes = 128;

@@ -30,6 +30,11 @@ Eigen::Vector3d RandomVector(Random* random) {
   return Eigen::Vector3d(random->Gaussian(), random->Gaussian(), random->Gaussian());
 }
 
+RadialResidual RandomResidual(Random* random) {
+  const double k1 = random->Uniform(-0.1, 0.1);
+  return {k1, random->Uniform(-0.1, 0.1)};
+}
+
 Timestamp RandomStamp(Random* random) {
   return Timestamp{static_cast<int64_t>(random->Below(2000000000000000000ull))};
 }
@@ -67,6 +72,7 @@ KeyFrameMessage RandomKeyFrame(size_t n, Random* random) {
   message.data.stamp = RandomStamp(random);
   message.data.frame = random->Below(100000);
   message.data.camera = PinholeCamera{718.9, 718.9, 607.2, 185.2, 1241, 376};
+  message.data.residual = RandomResidual(random);
   message.data.features = RandomFeatures(n, message.data.camera, random);
   message.vocabulary_hash = random->Next();
   message.map = RandomId<MapId>(random);
@@ -86,6 +92,7 @@ MapDeltaChunk RandomDelta(size_t n, Random* random) {
   delta.epoch = random->Below(10);
   delta.base_revision = random->Below(1000);
   delta.revision = delta.base_revision + 1;
+  delta.residuals = {{PinholeCamera{718.9, 718.9, 607.2, 185.2, 1241, 376}, RandomResidual(random)}};
   delta.removed_points = {{RandomId<MapPointId>(random), MapPointId()},
                           {RandomId<MapPointId>(random), RandomId<MapPointId>(random)}};
   delta.removed_keyframes = {{RandomId<KeyFrameId>(random), RandomId<KeyFrameId>(random), RandomRigid3(random)}};
@@ -187,7 +194,6 @@ MapperState RandomMapperState(Random* random) {
   state.correction_process = RandomId<ProcessId>(random);
   state.correction_number = random->Below(100);
   state.correction_refusal = RandomText(random);
-  state.residual = {random->Uniform(-0.1, 0.1), random->Uniform(-0.1, 0.1)};
   return state;
 }
 

@@ -8,7 +8,6 @@
 
 namespace portolan {
 namespace {
-constexpr double kMaxRadialResidual = 1.0;  // of a calibration's remainder; whole lenses have less
 }  // namespace
 
 wire::TrackerState ToWire(const TrackerState& state) {
@@ -66,8 +65,6 @@ wire::MapperState ToWire(const MapperState& state) {
   wire.correction_process(state.correction_process.value);
   wire.correction_number(state.correction_number);
   wire.correction_refusal(state.correction_refusal);
-  wire.residual_k1(state.residual.k1);
-  wire.residual_k2(state.residual.k2);
   return wire;
 }
 
@@ -76,10 +73,6 @@ Result<MapperState> FromWire(const wire::MapperState& wire) {
   check.Id("process", wire.process());
   check.Text("refusal", wire.refusal(), kMaxLineBytes);
   check.Text("correction_refusal", wire.correction_refusal(), kMaxLineBytes);
-  for (const auto& [field, value] : {std::pair("residual_k1", wire.residual_k1()), std::pair("residual_k2", wire.residual_k2())}) {
-    check.Finite(field, value);
-    check.Require(std::abs(value) <= kMaxRadialResidual, std::string(field) + " is " + std::to_string(value) + ", expected at most 1 either way");
-  }
   if (!check.ok()) return check.error();
 
   MapperState state;
@@ -96,7 +89,6 @@ Result<MapperState> FromWire(const wire::MapperState& wire) {
   state.correction_process = ProcessId(wire.correction_process());
   state.correction_number = wire.correction_number();
   state.correction_refusal = wire.correction_refusal();
-  state.residual = {wire.residual_k1(), wire.residual_k2()};
   return state;
 }
 

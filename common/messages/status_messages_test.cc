@@ -75,7 +75,6 @@ TEST(StatusMessagesTest, MapperStatesComeBack) {
   EXPECT_EQ(received->correction_process, sent.correction_process);
   EXPECT_EQ(received->correction_number, sent.correction_number);
   EXPECT_EQ(received->correction_refusal, sent.correction_refusal);
-  EXPECT_EQ(received->residual, sent.residual);
 }
 
 TEST(StatusMessagesTest, FollowerStatesComeBack) {
@@ -136,8 +135,6 @@ TEST(StatusMessagesTest, RefusesWhatIsMalformedAndSaysWhy) {
                                        {"process is none", [](wire::MapperState* w) { w->process(0); }},
                                        {"refusal holds", [](wire::MapperState* w) { w->refusal("\x1b[2J"); }},
                                        {"correction_refusal holds", [](wire::MapperState* w) { w->correction_refusal("\x1b[2J"); }},
-                                       {"residual_k1 is", [](wire::MapperState* w) { w->residual_k1(std::nan("")); }},
-                                       {"residual_k2 is 7", [](wire::MapperState* w) { w->residual_k2(7); }},
                                    });
   ExpectRefused<wire::ProcessStatus>(
       ToWire(RandomProcessStatus(&random)),

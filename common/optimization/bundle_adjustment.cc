@@ -32,31 +32,6 @@ class PreparePoses final : public ceres::EvaluationCallback {
   std::vector<PoseUpdate>* poses_;
 };
 
-bool IsUsable(const BundleProblem& problem) {
-  if (problem.measurements.empty()) return false;
-  const auto is_finite_pose = [](const BundleProblem::Pose& pose) {
-    return pose.camera_from_map.rotation.coeffs().allFinite() && pose.camera_from_map.translation.allFinite();
-  };
-  const auto is_finite_point = [](const Eigen::Vector3d& point) { return point.allFinite(); };
-  const auto is_sound = [](const BundleProblem::Measurement& m) {
-    return m.pixel_px.allFinite() && std::isfinite(m.sigma_px) && m.sigma_px > 0;
-  };
-  return std::all_of(problem.poses.begin(), problem.poses.end(), is_finite_pose) &&
-         std::all_of(problem.points_in_map.begin(), problem.points_in_map.end(), is_finite_point) &&
-         std::all_of(problem.measurements.begin(), problem.measurements.end(), is_sound);
-}
-
-void CheckContract(const BundleProblem& problem) {
-  const auto is_fixed = [](const BundleProblem::Pose& pose) { return pose.fixed; };
-  PORTOLAN_CHECK(problem.measurements.empty() || std::any_of(problem.poses.begin(), problem.poses.end(), is_fixed))
-      << "none of " << problem.poses.size() << " poses is fixed";
-  for (const BundleProblem::Measurement& m : problem.measurements) {
-    PORTOLAN_CHECK(m.pose < problem.poses.size()) << "pose " << m.pose << " of " << problem.poses.size();
-    PORTOLAN_CHECK(m.point < problem.points_in_map.size())
-        << "point " << m.point << " of " << problem.points_in_map.size();
-  }
-}
-
 /// The problem in Ceres' terms. It owns what the solver points to: pose updates, points and cost functions, none of
 /// which may move once the problem is built.
 class CeresBundle {
@@ -147,10 +122,35 @@ class CeresBundle {
 
 }  // namespace
 
+bool IsUsableBundle(const BundleProblem& problem) {
+  if (problem.measurements.empty()) return false;
+  const auto is_finite_pose = [](const BundleProblem::Pose& pose) {
+    return pose.camera_from_map.rotation.coeffs().allFinite() && pose.camera_from_map.translation.allFinite();
+  };
+  const auto is_finite_point = [](const Eigen::Vector3d& point) { return point.allFinite(); };
+  const auto is_sound = [](const BundleProblem::Measurement& m) {
+    return m.pixel_px.allFinite() && std::isfinite(m.sigma_px) && m.sigma_px > 0;
+  };
+  return std::all_of(problem.poses.begin(), problem.poses.end(), is_finite_pose) &&
+         std::all_of(problem.points_in_map.begin(), problem.points_in_map.end(), is_finite_point) &&
+         std::all_of(problem.measurements.begin(), problem.measurements.end(), is_sound);
+}
+
+void CheckBundle(const BundleProblem& problem) {
+  const auto is_fixed = [](const BundleProblem::Pose& pose) { return pose.fixed; };
+  PORTOLAN_CHECK(problem.measurements.empty() || std::any_of(problem.poses.begin(), problem.poses.end(), is_fixed))
+      << "none of " << problem.poses.size() << " poses is fixed";
+  for (const BundleProblem::Measurement& m : problem.measurements) {
+    PORTOLAN_CHECK(m.pose < problem.poses.size()) << "pose " << m.pose << " of " << problem.poses.size();
+    PORTOLAN_CHECK(m.point < problem.points_in_map.size())
+        << "point " << m.point << " of " << problem.points_in_map.size();
+  }
+}
+
 BundleSummary AdjustBundle(BundleProblem* problem, const BundleOptions& options, const std::atomic<bool>* stop) {
-  CheckContract(*problem);
+  CheckBundle(*problem);
   BundleSummary result;
-  if (!IsUsable(*problem)) return result;
+  if (!IsUsableBundle(*problem)) return result;
   CeresBundle bundle(*problem, options);
   StopCallback stop_callback(stop);
   const ceres::Solver::Summary summary = bundle.Solve(options, &stop_callback);
@@ -162,21 +162,10 @@ BundleSummary AdjustBundle(BundleProblem* problem, const BundleOptions& options,
 
   BundleProblem solved = *problem;
   bundle.WriteBack(&solved);
-  if (!IsUsable(solved)) return result;
+  if (!IsUsableBundle(solved)) return result;
   *problem = std::move(solved);
   result.converged_or_stopped = true;
   return result;
-}
-
-BundleSummary AdjustBundleGradually(BundleProblem* problem, const BundleOptions& options, const std::atomic<bool>* stop) {
-  BundleOptions wide = options;
-  wide.loss_width = kWideLossWidth;
-  wide.max_iterations = options.max_iterations / 2;
-  const BundleSummary first = AdjustBundle(problem, wide, stop);
-  if (!first.converged_or_stopped || first.interrupted) return first;
-  BundleOptions narrow = options;
-  narrow.max_iterations = options.max_iterations - wide.max_iterations;
-  return AdjustBundle(problem, narrow, stop);
 }
 
 double NormalizedSquaredError(const BundleProblem& problem, const BundleProblem::Measurement& measurement) {

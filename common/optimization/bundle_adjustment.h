@@ -42,9 +42,6 @@ struct BundleOptions {
   double function_tolerance = 1e-4;
 };
 
-/// Width of the loss, in sigmas, from which neighbours that are off by some pixels still find each other.
-inline constexpr double kWideLossWidth = 2.0;
-
 struct BundleSummary {
   bool converged_or_stopped = false;  ///< false: nothing usable came out and the problem is unchanged
   bool interrupted = false;           ///< stopped by `stop`; the problem holds the best state so far
@@ -57,9 +54,10 @@ struct BundleSummary {
 /// initialisation does). `stop` may be null; once true the solver returns after the current iteration.
 BundleSummary AdjustBundle(BundleProblem* problem, const BundleOptions& options, const std::atomic<bool>* stop);
 
-/// The same from further off, as after a loop: first with a wide loss, then with the usual one. Each gets half of the
-/// iterations. On a synthetic problem tens of sigmas off it ended no closer than the usual loss alone.
-BundleSummary AdjustBundleGradually(BundleProblem* problem, const BundleOptions& options, const std::atomic<bool>* stop);
+/// A check fails unless one pose is fixed and all indices are within their lists.
+void CheckBundle(const BundleProblem& problem);
+/// Whether there are measurements, and all values are finite, sigmas positive.
+bool IsUsableBundle(const BundleProblem& problem);
 
 /// Normalised squared reprojection error of a measurement; infinity behind the camera.
 double NormalizedSquaredError(const BundleProblem& problem, const BundleProblem::Measurement& measurement);

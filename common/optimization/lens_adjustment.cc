@@ -50,7 +50,7 @@ PoseBlock ToBlock(const Rigid3d& pose) {
 
 }  // namespace
 
-std::optional<LensAdjustment> AdjustLens(const BundleProblem& problem, const BundleOptions& options) {
+std::optional<LensAdjustment> AdjustLens(const BundleProblem& problem, const BundleOptions& options, const RadialResidual& known) {
   if (problem.measurements.empty()) return std::nullopt;
   std::vector<PoseBlock> poses;
   for (const BundleProblem::Pose& pose : problem.poses) {
@@ -58,7 +58,7 @@ std::optional<LensAdjustment> AdjustLens(const BundleProblem& problem, const Bun
     poses.push_back(ToBlock(pose.camera_from_map));
   }
   std::vector<Eigen::Vector3d> points = problem.points_in_map;
-  std::array<double, 3> lens{};
+  std::array<double, 3> lens{known.k1, known.k2, 0};
   ceres::CauchyLoss loss(options.loss_width);
   ceres::Problem::Options problem_options;
   problem_options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
@@ -96,7 +96,7 @@ std::optional<LensAdjustment> AdjustLens(const BundleProblem& problem, const Bun
   if (!without.IsSolutionUsable()) return std::nullopt;
   solved.SetParameterBlockVariable(lens.data());
   const auto solve_holding = [&](const std::vector<int>& held) {
-    lens = {};
+    lens = {known.k1, known.k2, 0};
     solved.SetManifold(lens.data(), new ceres::SubsetManifold(static_cast<int>(lens.size()), held));
     return solve();
   };

@@ -21,6 +21,7 @@ struct LensAdjustment {
 /// that drifts. One camera took all the pictures.
 /// @param problem poses and points to start from, at least one pose fixed, each point measured at least twice; not
 /// changed. @return none for an empty problem, or if the solver failed. A check fails for more than one camera.
-std::optional<LensAdjustment> AdjustLens(const BundleProblem& problem, const BundleOptions& options);
+/// @param known what is known of the residual already, where it starts and what "without" then stands for; measurements still have it in them.
+std::optional<LensAdjustment> AdjustLens(const BundleProblem& problem, const BundleOptions& options, const RadialResidual& known = {});
 
 }  // namespace portolan

@@ -1,5 +1,7 @@
 #include "process/process_start.h"
 
+#include <malloc.h>
+
 #include <opencv2/core/utility.hpp>
 #include <utility>
 
@@ -8,6 +10,14 @@ namespace {
 
 constexpr size_t kLoopCapacity =
     4096;  // events: several seconds of keyframes and deltas, for a process that falls behind
+
+/// One arena and a fixed limit above which memory comes from the system and goes back to it: what a thread frees serves the others, and
+/// the arrays of a big bundle adjustment don't stay. Allocations are too few for the threads to wait for each other.
+void KeepHeapSmall() {
+  constexpr int kMappedBytes = 4 << 20;
+  mallopt(M_ARENA_MAX, 1);
+  mallopt(M_MMAP_THRESHOLD, kMappedBytes);
+}
 
 /// Opens the vocabulary, or reads its hash alone.
 Status FindWords(const std::string& path, ProcessStart::Words words, ProcessStart* start) {
@@ -27,6 +37,7 @@ Status FindWords(const std::string& path, ProcessStart::Words words, ProcessStar
 }  // namespace
 
 ProcessStart ProcessStart::Make(const ProcessSetup& setup, Words words) {
+  KeepHeapSmall();
   const ProcessOptions& options = setup.options;
   ProcessStart start;
   const std::string path = options.vocabulary_file.empty() ? Vocabulary::DefaultPath() : options.vocabulary_file;

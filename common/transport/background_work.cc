@@ -1,5 +1,7 @@
 #include "transport/background_work.h"
 
+#include <malloc.h>
+
 #include <utility>
 
 #include "base/check.h"
@@ -51,6 +53,7 @@ void BackgroundWork::RunJobs(int nice_steps) {
     }
     Event event = job(stop_);
     job = nullptr;  // with the snapshot it holds, before the owner thread goes on
+    malloc_trim(0);  // big jobs leave much of the heap empty
     loop_->Post([this, event = std::move(event)] { OnDone(event); });
   }
 }

@@ -75,6 +75,7 @@ Frame Tracker::MakeFrame(const Image& image) {
   data.stamp = image.stamp;
   data.frame = image.frame;
   data.camera = camera_.pinhole;
+  data.residual = camera_.residual;
   data.pyramid = options_.orb.pyramid;
   data.features = extractor_.Extract(image.grey, camera_);
   QuantizeFeatures(&data.features, data.camera);  // here already, so that the tracker computes with what the others receive
@@ -278,8 +279,6 @@ bool Tracker::OnMapperState(const MapperState& state) {
   if (!Concerns(state)) return false;
   NoteOwner(state.map, state.epoch, state.process);
   mapper_state_ = state;
-  // Once: later estimates would be of what the frames since then left, and of earlier ones that still have all of it.
-  if (camera_.residual.IsNone()) camera_.residual = state.residual;
   if (awaited_keyframe_ && (state.last_keyframe == *awaited_keyframe_ || state.refused_keyframe == *awaited_keyframe_)) {
     awaited_keyframe_.reset();
   }
@@ -303,7 +302,16 @@ void Tracker::ApplyPending() {
     if (new_from_old) MoveWithMap(*new_from_old);
   }
   CompleteFusions();
+  TakeResidual();
   stage_times_.Add("apply", stopwatch.Milliseconds());
+}
+
+/// What is taken out of the map's keyframes is taken out of the frames that are tracked in it. A young map may not know of any yet.
+void Tracker::TakeResidual() {
+  if (!active_map_.IsValid()) return;
+  for (const CameraResidual& known : ActiveMap().residuals()) {
+    if (known.camera == camera_.pinhole) camera_.residual = known.residual;
+  }
 }
 
 void Tracker::OnApplied(const Map& map, const MapDelta& delta) {

@@ -167,6 +167,7 @@ class Tracker {
 
   KeyFrameId Send(KeyFrameKind kind, Frame* frame, KeyFrameMessage message, Output* output);
   KeyFrameMessage MakeMessage(KeyFrameKind kind, Frame* frame, KeyFrameMessage message);
+  void TakeResidual();
   void OnApplied(const Map& map, const MapDelta& delta);
   /// Pose and velocity stay where they are in the scene when the map around the reference keyframe moved.
   void MoveWithMap(const Sim3d& new_from_old);

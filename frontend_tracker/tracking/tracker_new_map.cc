@@ -118,6 +118,7 @@ void Tracker::StopBeginning() {
 }
 
 void Tracker::SendPair(Initializer::Pair pair, Output* output) {
+  for (Frame* frame : {&pair.first, &pair.second}) frame->data = WithResidual(frame->data, camera_.residual);  // found after the first was seen, maybe
   KeyFrameMessage first;
   first.map = beginning_.map();
   KeyFrameMessage second;

@@ -141,20 +141,22 @@ TEST_F(TrackerTest, KeyFramesAreKeptUntilADeltaHoldsThem) {
   EXPECT_FALSE(tracker_->AwaitedKeyFrame().has_value());
 }
 
-TEST_F(TrackerTest, TakesInWhatTheCalibrationLeftOnce) {
+TEST_F(TrackerTest, TakesInWhatTheCalibrationLeft) {
+  Initialize();
   EXPECT_TRUE(tracker_->camera().IsIdeal());
-  MapperState state;
-  tracker_->OnMapperState(state);
-  EXPECT_TRUE(tracker_->camera().IsIdeal());
-  state.residual = {0.02, -0.01};
-  tracker_->OnMapperState(state);
-  EXPECT_EQ(tracker_->camera().residual, state.residual);
-  MapperState later = state;
-  later.residual = {};
-  tracker_->OnMapperState(later);
-  later.residual = {0.5, 0};
-  tracker_->OnMapperState(later);
-  EXPECT_EQ(tracker_->camera().residual, state.residual);
+  const RadialResidual lens{0.002, -0.001}, better{0.0021, -0.0011};
+  PinholeCamera other = kPinhole;
+  other.fx += 1;
+  mapper_->map.SetResidual(other, lens);
+  tracker_->AddDelta(mapper_->map.TakeDelta());
+  tracker_->ApplyPending();
+  EXPECT_TRUE(tracker_->camera().IsIdeal()) << "it is another camera's";
+  for (const RadialResidual& known : {lens, better}) {  // a larger map tells it more exactly
+    mapper_->map.SetResidual(kPinhole, known);
+    tracker_->AddDelta(mapper_->map.TakeDelta());
+    tracker_->ApplyPending();
+    EXPECT_EQ(tracker_->camera().residual, known);
+  }
 }
 
 TEST_F(TrackerTest, SeesNothingInTheDark) {

@@ -2,6 +2,8 @@
 
 #include <spdlog/spdlog.h>
 
+#include "base/check.h"
+
 namespace portolan {
 namespace {
 constexpr RobotId kRobot = 0;
@@ -61,11 +63,9 @@ void Pipeline::Map(const KeyFrameMessage& message) {
     status = mapper.Initialize(firsts_.at(message.reference), data, message);
   } else {
     status = mapper.Process(data, message, [] { return false; }, nullptr);
-    if (const auto problem = mapper.NextLensProblem()) mapper.TakeLensFinding(FindRadialResidual(*problem, mapper_options_.lens));
+    RefineLens(&mapper);
   }
   state.last_keyframe = data->id;
-  state.residual = mapper.residual();
-  if (!state.residual.IsNone()) mapper_options_.lens.enabled = false;  // new maps are made of frames that have it taken in
   if (!status) {
     spdlog::debug("keyframe {} refused: {}", ToString(data->id), status.error().message);
     state.refused_keyframe = data->id;
@@ -73,6 +73,18 @@ void Pipeline::Map(const KeyFrameMessage& message) {
   }
   tracker_.OnMapperState(state);
   CloseLoops(&mapper, state);
+}
+
+void Pipeline::RefineLens(LocalMapper* mapper) {
+  if (const auto problem = mapper->NextLensProblem()) {
+    const LensFinding finding = FindRadialResidual(*problem, mapper_options_.lens);
+    mapper->TakeLensFinding(finding);
+    residuals_.Set({problem->camera, finding.residual});
+  }
+  const auto lacking = residuals_.FindLacking(mapper->map());
+  if (!lacking) return;
+  const Status taken = mapper->TakeResidual(*lacking, AdaptToResidual(mapper->map(), *lacking, nullptr));
+  PORTOLAN_CHECK(taken.ok()) << taken.error().message;
 }
 
 void Pipeline::CloseLoops(LocalMapper* mapper, MapperState state) {

@@ -5,6 +5,7 @@
 
 #include "dataset/image_source.h"
 #include "loop/loop_closer.h"
+#include "mapping/known_residuals.h"
 #include "mapping/local_mapper.h"
 #include "tracking/tracker.h"
 
@@ -29,6 +30,7 @@ class Pipeline {
  private:
   void Answer(const Request& request);
   void Map(const KeyFrameMessage& message);
+  void RefineLens(LocalMapper* mapper);
   void CloseLoops(LocalMapper* mapper, MapperState state);
 
   IdMinter<MapPointId> point_ids_;
@@ -38,6 +40,7 @@ class Pipeline {
   LoopCloser loop_closer_;
   std::map<MapId, std::unique_ptr<LocalMapper>> mappers_;
   std::map<KeyFrameId, std::shared_ptr<const KeyFrameData>> firsts_;
+  KnownResiduals residuals_;
   Epoch next_epoch_ = 1;
 };
 
