@@ -165,10 +165,10 @@ Reply Atlas::AnswerDeleteMap(const Request& request, double now_s) {
   } else if (IsWanted(request.map, now_s)) {
     reply.reason = name + " is in use: a tracker is in it or waits for it, or it is being fused";
   } else {
+    deleted_[request.map] = maps_.at(request.map).epoch;
     maps_.erase(request.map);
     sizes_.erase(request.map);
     graph_.Remove(request.map);
-    deleted_.insert(request.map);
     just_deleted_.push_back(request.map);
     commands_.push_back(MakeCommand(CommandKind::kForgetMap, request.map));
     reply.ok = true;
@@ -279,6 +279,11 @@ void Atlas::Adopt(MapId map, Epoch epoch) {
   OnEpoch(map, epoch);
   const auto adopted = maps_.find(map);
   if (adopted != maps_.end()) Grant(&adopted->second, self_);
+}
+
+Epoch Atlas::DeletedEpoch(MapId map) const {
+  const auto deleted = deleted_.find(map);
+  return deleted == deleted_.end() ? 0 : deleted->second;
 }
 
 void Atlas::OnSize(MapId map, size_t keyframes) {

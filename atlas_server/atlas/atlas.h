@@ -101,6 +101,8 @@ class Atlas {
   /// Where a map's keyframes are now, if it was fused.
   MapId Resolve(MapId map) const { return graph_.Resolve(map).first; }
   size_t SizeOf(MapId map) const;
+  /// The last epoch granted of a map that was deleted; 0: it was not. One that comes back begins above it.
+  Epoch DeletedEpoch(MapId map) const;
   /// Whether a tracker is in it.
   bool IsActive(MapId map, double now_s) const;
   /// In the map, and not gone; by id.
@@ -189,7 +191,7 @@ class Atlas {
   std::map<MapId, size_t> sizes_;          // keyframes
   std::map<MapId, ProcessId> holds_;
   std::map<MapId, double> unwanted_since_s_;
-  std::set<MapId> deleted_;                // what still comes of them is late
+  std::map<MapId, Epoch> deleted_;         // what still comes of them is late; with the last epoch granted
   std::set<MapId> told_fusions_;           // maps whose fusion was published by this session
   std::set<ProcessId> registered_;  // processes whose registration was answered, either way
   std::vector<Request> early_;      // came while listening

@@ -178,6 +178,8 @@ TEST_F(AtlasMapsTest, GlobalBundleAdjustmentNeedsAMapWithAMapper) {
 TEST_F(AtlasMapsTest, DeletesWhatNobodyUsesAndIgnoresWhatComesLate) {
   StartInNewMap(60, 1);
   EXPECT_THAT(ReplyTo(Ask(kTracker, "delete_map", kNew)).reason, HasSubstr("in use"));
+  const Epoch granted = atlas_.maps().at(kOld).epoch;
+  EXPECT_GT(granted, 0u);
   EXPECT_TRUE(ReplyTo(Ask(kTracker, "delete_map", kOld)).ok);
   EXPECT_THAT(Commands(CommandKind::kForgetMap), SizeIs(1));
   EXPECT_THAT(atlas_.TakeDeleted(), ::testing::ElementsAre(kOld));
@@ -188,6 +190,12 @@ TEST_F(AtlasMapsTest, DeletesWhatNobodyUsesAndIgnoresWhatComesLate) {
   EXPECT_EQ(atlas_.maps().count(kOld), 0u);
   EXPECT_EQ(atlas_.SizeOf(kOld), 0u);
   EXPECT_FALSE(ReplyTo(Ask(kTracker, "delete_map", kOld)).ok);
+  // It comes back above all epochs that were granted.
+  const Epoch last = atlas_.DeletedEpoch(kOld);
+  EXPECT_EQ(last, granted);
+  atlas_.Adopt(kOld, last + 1);
+  EXPECT_EQ(atlas_.maps().at(kOld).epoch, last + 2);
+  EXPECT_EQ(atlas_.DeletedEpoch(kOld), 0u);
 }
 
 TEST_F(AtlasMapsTest, ATrackerThatMissedAFusionIsToldByTheNextAtlasServer) {

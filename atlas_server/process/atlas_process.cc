@@ -1,6 +1,6 @@
 #include "process/atlas_process.h"
 
-#include <set>
+#include <algorithm>
 #include <utility>
 
 #include "atlas/map_import.h"
@@ -32,6 +32,13 @@ AtlasProcess::AtlasProcess(const ProcessSetup& setup, const AtlasOptions& option
       snapshot_writer_(bus->CreateWriter<SnapshotRequest>()),
       correction_writer_(bus->CreateWriter<MapCorrection>()),
       follower_writer_(bus->CreateWriter<FollowerState>()),
+      snapshots_(
+          keyframe_writer_.get(), delta_writer_.get(), vocabulary_hash_,
+          [this](MapId map) {
+            const auto replica = shelf_.maps().find(map);
+            return replica == shelf_.maps().end() || replica->second.map().revision() == 0 ? nullptr : &replica->second.map();
+          },
+          [this](const KeyFrameData& data) { return WholeData(data); }),
       options_(options),
       atlas_(setup.process, Now()),
       shelf_(options.shelf, std::move(vocabulary),
@@ -220,6 +227,8 @@ Reply AtlasProcess::ImportMaps(const Request& request) {
   }
   for (StoredMap& map : content->maps) {
     const MapId id = map.snapshot.map;
+    // What was deleted here is ignored up to the last epoch that was heard of it.
+    map.snapshot.epoch = std::max({map.snapshot.epoch, atlas_.DeletedEpoch(id) + 1, shelf_.replicas().RemovedEpoch(id) + 1});
     atlas_.Adopt(id, map.snapshot.epoch);
     TakeIn(std::move(map), false);
     reply.text += (reply.text.empty() ? "" : " ") + ToString(id);
@@ -274,35 +283,19 @@ void AtlasProcess::OnSnapshotRequest(const SnapshotRequest& request) {
   spdlog::debug("{} asks for map {}, has revision {} and {} keyframes", ToString(request.asker), ToString(request.map), request.have_revision,
                 request.have_keyframes.size());
   if (replica != shelf_.maps().end() && replica->second.map().revision() > 0) {
-    SendSnapshot(replica->second.map(), request.have_keyframes);
-  } else if (owner == request.asker && shelf_.replicas().IsEmpty(map)) {
-    SendSnapshot(Map(map, epoch - 1), {});  // its last owner had not begun it
+    snapshots_.Add(request);
+    if (!snapshots_go_on_) SendSnapshots();
+  } else if (owner == request.asker && shelf_.replicas().IsEmpty(map)) {  // its last owner had not begun it
+    for (const MapDeltaChunk& chunk : SplitDelta(Map(map, epoch - 1).Snapshot(), kDeltaChunkElements)) delta_writer_->Write(chunk);
   }
 }
 
-void AtlasProcess::SendSnapshot(const Map& map, const std::vector<KeyFrameId>& have_list) {
+/// A piece at a time: what waits behind it gets its turn.
+void AtlasProcess::SendSnapshots() {
   const Stopwatch stopwatch;
-  const std::set<KeyFrameId> have(have_list.begin(), have_list.end());
-  for (const auto& [id, keyframe] : map.keyframes()) {
-    if (have.count(id) == 1) continue;
-    Result<KeyFrameData> data = WholeData(*keyframe.data);
-    if (!data) {
-      ++store_failures_;
-      spdlog::error("map {} can't be sent to its owner: {}", ToString(map.id()), data.error().message);
-      return;
-    }
-    KeyFrameMessage copy;
-    copy.kind = KeyFrameKind::kCopy;
-    copy.data = std::move(*data);
-    copy.map = map.id();
-    copy.vocabulary_hash = vocabulary_hash_;
-    keyframe_writer_->Write(copy);
-    status_.AssertLiveliness();
-  }
-  for (const MapDeltaChunk& chunk : SplitDelta(map.Snapshot(), kDeltaChunkElements)) delta_writer_->Write(chunk);
-  ++snapshots_sent_;
-  times_.Add("snapshot", stopwatch.Milliseconds());
-  spdlog::info("sent map {} at revision {}", ToString(map.id()), map.revision());
+  snapshots_go_on_ = snapshots_.SendPiece(Now()) && loop_->Post([this] { SendSnapshots(); });
+  status_.AssertLiveliness();
+  times_.Add("snapshot_piece", stopwatch.Milliseconds());
 }
 
 Result<KeyFrameData> AtlasProcess::WholeData(const KeyFrameData& data) {
@@ -315,6 +308,7 @@ void AtlasProcess::OnTick() {
   atlas_.OnTick(Now());
   joiner_.OnTick(Now());
   Continue();
+  if (!snapshots_go_on_ && !snapshots_.IsIdle()) SendSnapshots();
   for (const SnapshotRequest& request : shelf_.replicas().DueRequests(Now(), setup_.process)) {
     snapshot_writer_->Write(request);
     ++snapshots_asked_;

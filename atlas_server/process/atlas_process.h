@@ -19,6 +19,7 @@
 #include "base/statistics.h"
 #include "process/atlas_config.h"
 #include "process/process_setup.h"
+#include "process/snapshot_sender.h"
 #include "process/status_publisher.h"
 #include "transport/background_work.h"
 #include "transport/process_loop.h"
@@ -89,7 +90,7 @@ class AtlasProcess {
   void PublishFollowers(bool all);
 
   void SaveGraph();
-  void SendSnapshot(const Map& map, const std::vector<KeyFrameId>& have);
+  void SendSnapshots();
   /// The whole data of a keyframe, from the store where memory has it bare.
   Result<KeyFrameData> WholeData(const KeyFrameData& data);
   void TakeIn(StoredMap map, bool is_stored);
@@ -125,6 +126,8 @@ class AtlasProcess {
   std::unique_ptr<Writer<MapCorrection>> correction_writer_;
   std::unique_ptr<Writer<FollowerState>> follower_writer_;
   std::vector<std::unique_ptr<Reader>> readers_;
+  SnapshotSender snapshots_;
+  bool snapshots_go_on_ = false;  // an event for the next piece is posted
 
   const AtlasOptions options_;
   Atlas atlas_;
@@ -149,7 +152,7 @@ class AtlasProcess {
   double lookup_ms_ = 0;  // of the last keyframe
   LogThrottle store_log_;
   MapId last_map_;  // that changed
-  uint64_t foreign_vocabulary_ = 0, grants_ = 0, snapshots_sent_ = 0, snapshots_asked_ = 0, store_failures_ = 0;
+  uint64_t foreign_vocabulary_ = 0, grants_ = 0, snapshots_asked_ = 0, store_failures_ = 0;
   StageTimes times_;
   BackgroundWork background_;
 };

@@ -37,13 +37,14 @@ Reply AtlasProcess::ListMaps() const {
   for (const auto& [id, ownership] : atlas_.maps()) {
     nlohmann::json entry = {{"map", ToString(id)},
                             {"robot", ownership.robot},
-                            {"epoch", ownership.epoch},
+                            {"epoch", ownership.epoch},  // granted; that of the state is older until the owner changes it
                             {"owner", ToString(ownership.owner)},
                             {"owner_alive", atlas_.IsAlive(ownership.owner, Now())},
                             {"active", atlas_.IsActive(id, Now())}};
     const auto replica = shelf_.maps().find(id);
     if (replica != shelf_.maps().end()) {
       const Map& map = replica->second.map();
+      entry["state_epoch"] = map.epoch();
       entry["revision"] = map.revision();
       entry["keyframes"] = map.keyframes().size();
       entry["points"] = map.points().size();
@@ -132,7 +133,7 @@ void AtlasProcess::OnStatusTimer() {
                    {"pending_requests", static_cast<double>(atlas_.num_pending())},
                    {"grants", static_cast<double>(grants_)},
                    {"takeovers", static_cast<double>(atlas_.num_takeovers())},
-                   {"snapshots_sent", static_cast<double>(snapshots_sent_)},
+                   {"snapshots_sent", static_cast<double>(snapshots_.sent())},
                    {"snapshots_asked", static_cast<double>(snapshots_asked_)},
                    {"store_failures", static_cast<double>(store_failures_)},
                    {"foreign_vocabulary", static_cast<double>(foreign_vocabulary_)},
@@ -170,7 +171,8 @@ int AtlasProcess::Finish() {
   report["store_failures"] = store_failures_;
   report["grants"] = grants_;
   report["takeovers"] = atlas_.num_takeovers();
-  report["snapshots_sent"] = snapshots_sent_;
+  report["snapshots_sent"] = snapshots_.sent();
+  report["snapshots_failed"] = snapshots_.failed();
   report["snapshots_asked"] = snapshots_asked_;
   report["deltas"] = {{"applied", counters.applied},
                       {"repeated", counters.repeated},

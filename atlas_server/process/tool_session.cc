@@ -115,13 +115,18 @@ Result<Map> ToolSession::FetchMap(const MapList::Entry& entry) {
     });
   });
   const auto request_writer = bus_->CreateWriter<SnapshotRequest>();
-  double last_news_s = Now(), next_request_s = Now();
+  double last_progress_s = Now(), next_request_s = Now();
+  size_t furthest = 0;
   for (;;) {
     replica.ApplyPending();
     const Map& map = replica.map();
-    if (std::pair(map.epoch(), map.revision()) >= std::pair(entry.epoch, entry.revision) && map.revision() > 0)
+    if (std::pair(map.epoch(), map.revision()) >= std::pair(entry.state_epoch, entry.revision) && map.revision() > 0)
       return map;
-    if (Now() - last_news_s > timeout_s_) {
+    // News alone are no progress: who has all and waits for more is sent the same again and again.
+    const size_t have = replica.keyframe_data().size() + copy->assembler.pending_bytes();
+    if (have > furthest) last_progress_s = Now();
+    furthest = std::max(furthest, have);
+    if (Now() - last_progress_s > timeout_s_) {
       return Fail(kExitUnreachable, "map " + ToString(entry.map) + ": its owner does not send it" +
                                         (replica.last_problem().empty() ? "" : " whole: " + replica.last_problem()));
     }
@@ -132,7 +137,6 @@ Result<Map> ToolSession::FetchMap(const MapList::Entry& entry) {
       next_request_s = Now() + kStalledS;
     }
     if (!HandleNext(Now() + (is_matched ? 0.2 : kMatchPauseS))) continue;
-    last_news_s = Now();
     next_request_s = std::max(next_request_s, Now() + kStalledS);
   }
 }

@@ -60,6 +60,7 @@ void ReadMapList(const json& text, MapList* list) {
     entry.owner = ReadId<ProcessId>(map, "owner", false);
     entry.owner_alive = map.value("owner_alive", false);
     entry.is_active = map.value("active", false);
+    entry.state_epoch = map.value("state_epoch", Epoch{0});
     entry.revision = map.value("revision", Revision{0});
     entry.keyframes = map.value("keyframes", size_t{0});
     entry.points = map.value("points", size_t{0});

@@ -9,7 +9,7 @@ namespace {
 using ::testing::HasSubstr;
 
 const char* const kList = R"({"maps": [
-  {"map": "0.000001.1", "robot": 0, "epoch": 2, "owner": "0.00000a.1", "owner_alive": true, "active": true, "revision": 30, "keyframes": 12, "points": 345},
+  {"map": "0.000001.1", "robot": 0, "epoch": 2, "owner": "0.00000a.1", "owner_alive": true, "active": true, "state_epoch": 1, "revision": 30, "keyframes": 12, "points": 345},
   {"map": "1.000002.1", "robot": 1, "epoch": 5, "owner": "0.0000ff.1", "owner_alive": true, "keyframes": 7, "points": 8},
   {"map": "1.000002.2", "robot": 1, "epoch": 1, "owner": "1.00000b.1", "owner_alive": false, "active": true},
   {"map": "1.000002.3", "robot": 1, "epoch": 0, "owner": "none"}], "last": "0.000001.1"})";
@@ -23,6 +23,8 @@ TEST(MapListTest, ReadsTheAtlasServersAnswer) {
   EXPECT_EQ(first->owner, ProcessId(0, 10, 1));
   EXPECT_TRUE(first->owner_alive);
   EXPECT_TRUE(first->is_active);
+  EXPECT_EQ(first->epoch, 2u);
+  EXPECT_EQ(first->state_epoch, 1u);
   EXPECT_EQ(first->revision, 30u);
   EXPECT_EQ(first->keyframes, 12u);
   EXPECT_EQ(first->points, 345u);

@@ -1,7 +1,6 @@
 #include "process/mapper_process.h"
 
 #include <algorithm>
-#include <set>
 #include <utility>
 
 #include "messages/limits.h"
@@ -30,6 +29,13 @@ MapperProcess::MapperProcess(const ProcessSetup& setup, const MapperOptions& opt
       state_writer_(bus->CreateWriter<MapperState>()),
       request_writer_(bus->CreateWriter<Request>()),
       snapshot_writer_(bus->CreateWriter<SnapshotRequest>()),
+      snapshots_(
+          keyframe_writer_.get(), delta_writer_.get(), vocabulary_hash,
+          [this](MapId map) {
+            const auto mapper = mappers_.find(map);
+            return mapper == mappers_.end() ? nullptr : &mapper->second->map();
+          },
+          [](const KeyFrameData& data) { return Result<KeyFrameData>(data); }),
       point_ids_(setup.options.robot, setup.session),
       request_ids_(setup.options.robot, setup.session),
       background_(loop, kBackgroundNiceSteps) {
@@ -243,21 +249,16 @@ void MapperProcess::PublishState(bool idle) {
 }
 
 void MapperProcess::OnSnapshotRequest(const SnapshotRequest& request) {
-  const auto mapper = mappers_.find(request.map);
-  if (mapper == mappers_.end() || request.asker == setup_.process) return;
-  const Map& map = mapper->second->map();
-  const std::set<KeyFrameId> have(request.have_keyframes.begin(), request.have_keyframes.end());
-  for (const auto& [id, keyframe] : map.keyframes()) {
-    if (have.count(id) == 1) continue;
-    KeyFrameMessage copy;
-    copy.kind = KeyFrameKind::kCopy;
-    copy.data = *keyframe.data;
-    copy.map = request.map;
-    copy.vocabulary_hash = vocabulary_hash_;
-    keyframe_writer_->Write(copy);
-    status_.AssertLiveliness();
-  }
-  PublishDelta(map.Snapshot());
+  if (mappers_.count(request.map) == 0 || request.asker == setup_.process) return;
+  snapshots_.Add(request);
+  if (!snapshots_go_on_) SendSnapshots();
+}
+
+/// A piece at a time: keyframes that wait behind it get their turn.
+void MapperProcess::SendSnapshots() {
+  snapshots_go_on_ = snapshots_.SendPiece(std::chrono::duration<double>(Clock::now().time_since_epoch()).count()) &&
+                     loop_->Post([this] { SendSnapshots(); });
+  status_.AssertLiveliness();
 }
 
 void MapperProcess::OnCorrection(const MapCorrection& correction) {
@@ -278,6 +279,7 @@ void MapperProcess::OnCorrection(const MapCorrection& correction) {
 void MapperProcess::OnTick() {
   status_.AssertLiveliness();
   ContinueTakeovers();
+  if (!snapshots_go_on_ && !snapshots_.IsIdle()) SendSnapshots();
 }
 
 void MapperProcess::OnStatusTimer() {

@@ -13,6 +13,7 @@
 #include "mapping/local_mapper.h"
 #include "mapping/passed_on_maps.h"
 #include "process/process_setup.h"
+#include "process/snapshot_sender.h"
 #include "process/status_publisher.h"
 #include "transport/background_work.h"
 #include "transport/process_loop.h"
@@ -39,6 +40,7 @@ class MapperProcess {
   void OnCopy(const KeyFrameMessage& copy);
   void OnCommand(const Command& command);
   void OnSnapshotRequest(const SnapshotRequest& request);
+  void SendSnapshots();
   void OnReply(const Reply& reply);
   void OnDeltaChunk(const MapDeltaChunk& chunk);
   void OnCorrection(const MapCorrection& correction);
@@ -82,6 +84,8 @@ class MapperProcess {
   std::unique_ptr<Writer<Request>> request_writer_;
   std::unique_ptr<Writer<SnapshotRequest>> snapshot_writer_;
   std::vector<std::unique_ptr<Reader>> readers_;
+  SnapshotSender snapshots_;
+  bool snapshots_go_on_ = false;  // an event for the next piece is posted
 
   std::map<MapId, std::unique_ptr<LocalMapper>> mappers_;
   /// A map granted with a history: followed until a snapshot brings it up to its last owner's state.

@@ -32,6 +32,11 @@ bool ReplicaSet::IsRemoved(MapId map, Epoch epoch) const {
   return removed != removed_.end() && epoch <= removed->second;
 }
 
+Epoch ReplicaSet::RemovedEpoch(MapId map) const {
+  const auto removed = removed_.find(map);
+  return removed == removed_.end() ? 0 : removed->second;
+}
+
 void ReplicaSet::Forget(MapId map) {
   replicas_.erase(map);
   watches_.erase(map);

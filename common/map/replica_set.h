@@ -41,6 +41,8 @@ class ReplicaSet {
   void Remove(MapId map, MapId taken_into);
   /// Whether what comes of the map in this epoch (0: in none that is known) is ignored.
   bool IsRemoved(MapId map, Epoch epoch) const;
+  /// The last epoch that is ignored of a map that is no more: one that comes back begins above it. 0: none.
+  Epoch RemovedEpoch(MapId map) const;
 
   /// Requests for maps that have waited for long enough; for each once a second at most.
   std::vector<SnapshotRequest> DueRequests(double now_s, ProcessId asker);

@@ -185,6 +185,8 @@ TEST_F(ReplicaSetTest, WhatComesOfARemovedMapIsIgnored) {
   EXPECT_EQ(set_.replicas().count(a_.id()), 0u);
   EXPECT_TRUE(set_.IsEmpty(a_.id()));
   EXPECT_TRUE(set_.DueRequests(100, kAsker).empty());
+  EXPECT_EQ(set_.RemovedEpoch(a_.id()), 2u);
+  EXPECT_EQ(set_.RemovedEpoch(b_.id()), 0u);
   // Imported again, it has a new owner.
   a_.SetEpoch(3);
   set_.AddDelta(a_.Snapshot());

@@ -131,6 +131,11 @@ TEST_F(ToolTest, AMapGoesFromAtlasToAtlas) {
   EXPECT_EQ(CountLines(folder_.Path("b.txt")), map.keyframes().size());
   EXPECT_THAT(ReadWholeFile(folder_.Path("b.ply")),
               HasSubstr("element vertex " + std::to_string(map.keyframes().size() + map.points().size())));
+  // Away and back in one session: its epochs go on.
+  ExpectTool({"delete", "last"}, kOk, "ok");
+  ExpectTool({"load", folder_.Path("b.pmap")}, kOk, "ok: " + ToString(map.id()));
+  EXPECT_EQ(ToolJson({"maps", "--json"})["maps"][0]["keyframes"], map.keyframes().size());
+  ExpectTool({"export", "1", "--map", folder_.Path("c.pmap")}, kOk, "keyframes");
   ExpectTool({"export", "1", "--ply", folder_.Path("no/folder.ply")}, 1, "folder.ply");
   ExpectTool({"export", "7", "--ply", folder_.Path("c.ply")}, kUsage, "no map is called '7'");
 
