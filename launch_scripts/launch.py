@@ -21,6 +21,19 @@ def remove_old_reports(out, names):
     (out / "summary.json").unlink(missing_ok=True)
 
 
+def set_old_atlas_aside(options, commands):
+    """A run makes maps of its own unless it is told to go on with others. Atlas_servers started without a frontend always go on."""
+    has_frontend = any(name.rpartition("/")[2] == launch_arguments.FRONTEND for name in commands)
+    if options.atlas is not None or not has_frontend or not (options.out / "atlas.db").exists():
+        return
+    for suffix in ("", "-wal"):  # SQLite's log belongs to the file
+        old, kept = options.out / f"atlas.db{suffix}", options.out / f"atlas.db.before{suffix}"
+        kept.unlink(missing_ok=True)
+        if old.exists():
+            old.rename(kept)
+    say(f"an earlier run's atlas is kept as {options.out / 'atlas.db.before'}; --atlas FILE goes on with one")
+
+
 def summarize(options, supervisor, folder="", data=None):
     """The figures of OUT, or of one robot's folder in it, merged and written into its summary.json."""
     names = [name for name in supervisor.commands if name.rpartition("/")[0] == folder]
@@ -53,6 +66,7 @@ def main(arguments):
     options = launch_arguments.parse(arguments)
     commands, delays = launch_arguments.commands_of(options)
     remove_old_reports(options.out, commands)
+    set_old_atlas_aside(options, commands)
     domain = "the configuration's domain" if options.domain is None else f"domain {options.domain}"
     say(f"{', '.join(commands)} on {domain}; logs in {options.out / 'logs'}")
     supervisor = Supervisor(commands, options.out, delays)

@@ -60,7 +60,7 @@ def make_parser():
     add("--robot", type=int, help="number of the robot, or of the first one")
     add("--robots", type=int, default=1, metavar="N", help="so many robots with one atlas_server; results of each in OUT/robot_NUMBER")
     add("--start-offset", type=float, default=0.0, metavar="S", help="seconds between the starts of two robots (default: 0)")
-    add("--atlas", metavar="FILE", help="go on with a saved atlas (an atlas.db of an earlier run)")
+    add("--atlas", metavar="FILE", help="go on with a saved atlas (an atlas.db of an earlier run); without, one in OUT is set aside as atlas.db.before")
     add("--domain", type=int, help="DDS domain (default: a free one if all four start here, else the configuration's)")
     add("--peers", metavar="A,B", help="addresses of the other machines, where multicast does not reach")
     add("--log-level", choices=LOG_LEVELS)

@@ -320,6 +320,24 @@ class AtlasTest(RunTest):
         for role in ("backend_mapper", "loop_closer", "frontend_tracker"):
             self.assertNotIn("--store", self.arguments_of(role))
 
+    def test_a_run_begins_without_the_maps_of_an_earlier_one_which_are_kept(self):
+        self.out.mkdir(exist_ok=True)
+        for name in ("atlas.db", "atlas.db-wal"):
+            (self.out / name).write_text(f"old {name}")
+        code, errors = self.run_to_end()
+        self.assertEqual(code, 0, errors)
+        self.assertIn("atlas.db.before", errors)
+        self.assertFalse((self.out / "atlas.db").exists())
+        self.assertEqual((self.out / "atlas.db.before").read_text(), "old atlas.db")
+        self.assertEqual((self.out / "atlas.db.before-wal").read_text(), "old atlas.db-wal")
+
+    def test_an_atlas_in_out_that_is_to_be_gone_on_with_stays(self):
+        self.out.mkdir(exist_ok=True)
+        (self.out / "atlas.db").write_text("saved")
+        code, errors = self.run_to_end("--atlas", str(self.out / "atlas.db"))
+        self.assertEqual(code, 0, errors)
+        self.assertEqual((self.out / "atlas.db").read_text(), "saved")
+
 
 class ArgumentTest(RunTest):
     def assert_refused(self, text, *arguments, data=True):

@@ -10,6 +10,7 @@ namespace portolan {
 namespace {
 
 constexpr uint64_t kVocabulary = 0x1234;
+constexpr double kTickS = 0.1;  // well within the patience with readers that don't acknowledge
 const ProcessId kAsker(0, 7, 1), kOther(0, 8, 1);
 
 /// Holds what was written until it is acknowledged, and refuses more than `room`.
@@ -106,18 +107,21 @@ TEST_F(SnapshotSenderTest, WhatAFullWriterRefusesIsSentLater) {
   EXPECT_FALSE(sender_.SendPiece(0));  // to be tried again at the next tick
   EXPECT_FALSE(sender_.IsIdle());
   EXPECT_EQ(keyframes_.written.size(), 10u);
-  for (int tick = 1; !sender_.IsIdle() && tick < 100; ++tick) SendAll(tick);
+  for (int tick = 1; !sender_.IsIdle() && tick < 100; ++tick) SendAll(tick * kTickS);
   EXPECT_EQ(keyframes_.written.size(), map_.keyframes().size());  // none twice, none left out
   Deliver(&replica);
   EXPECT_EQ(HashMap(replica.map()), HashMap(map_));
 }
 
 TEST_F(SnapshotSenderTest, ARefusedChunkOfTheStateIsSentLater) {
-  for (int i = 0; i < 3000; ++i) edits_.Edit(RandomEdits::kAddPoint);
+  for (int i = 0; i < 1500; ++i) {
+    edits_.Edit(RandomEdits::kAddKeyFrame);
+    edits_.Edit(RandomEdits::kAddPoint);
+  }
   MapReplica replica(map_.id());
   sender_.Add(replica.MakeRequest(kAsker));
   chunks_.room = 1;
-  for (int tick = 1; !sender_.IsIdle() && tick < 100; ++tick) SendAll(tick);
+  for (int tick = 1; !sender_.IsIdle() && tick < 100; ++tick) SendAll(tick * kTickS);
   EXPECT_GT(chunks_.written.size(), 2u);
   Deliver(&replica);
   EXPECT_EQ(HashMap(replica.map()), HashMap(map_));

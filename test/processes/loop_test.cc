@@ -35,7 +35,7 @@ TEST_F(LoopTest, IsClosedAlikeOnBothVendors) {
     ExpectAccurate(Room() + "/groundtruth.txt", Out() + "/trajectory.txt", kMaxErrorShare);
     const std::string trajectory = ReadWholeFile(Out() + "/trajectory.txt");
     if (first.empty()) first = trajectory;
-    EXPECT_EQ(trajectory, first) << "lockstep waits for the loop_closer too";
+    EXPECT_TRUE(trajectory == first) << "lockstep waits for the loop_closer too: " << vendor;  // whole trajectories would be lines too long for colcon
   }
 }
 

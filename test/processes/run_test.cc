@@ -53,7 +53,7 @@ TEST_F(RunTest, TwoLockstepRunsGiveTheSameBytes) {
     const std::string trajectory = ReadWholeFile(Out() + "/trajectory.txt");
     EXPECT_NE(trajectory, "");
     if (first.empty()) first = trajectory;
-    EXPECT_EQ(trajectory, first);
+    EXPECT_TRUE(trajectory == first) << "on " << vendor;  // whole trajectories would be lines too long for colcon
   }
 }
 

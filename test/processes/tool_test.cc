@@ -161,7 +161,7 @@ TEST_F(ToolTest, ARunIsSeenAndItsActiveMapExported) {
   ASSERT_TRUE(exported.ok()) << exported.error().message;
   EXPECT_GE(RestoreMap(exported->at(0), nullptr)->keyframes().size(), 5u);
   const nlohmann::json status = ToolJson({"status", "--json"});
-  EXPECT_EQ(status.size(), 4u);
+  EXPECT_EQ(status.size(), 4u) << status.dump();
   ExpectTool({"maps"}, kOk, "active, owner");
   ExpectTool({"delete", "1"}, kRefused, "");
   ExpectTool({"global-ba"}, kOk, "ok");
