@@ -393,7 +393,9 @@ bool Atlas::IsWanted(MapId map, double now_s) const {
 /// Makes maps dormant that nobody wants, once their mapper has nothing left to do in them.
 void Atlas::PutToRest(double now_s) {
   for (auto& [id, map] : maps_) {
-    if (map.epoch == 0 || map.owner == self_ || IsWanted(id, now_s)) {
+    // Whoever was in a map before this process came has as long to be heard of as one that fell silent.
+    const bool may_be_wanted = granted_here_.count(id) == 0 && now_s - start_s_ < kGoneS;
+    if (map.epoch == 0 || map.owner == self_ || may_be_wanted || IsWanted(id, now_s)) {
       unwanted_since_s_.erase(id);
       continue;
     }
@@ -450,6 +452,7 @@ Command Atlas::MakeCommand(CommandKind kind, MapId map) {
 }
 
 void Atlas::Grant(Ownership* map, ProcessId owner) {
+  granted_here_.insert(map->map);
   if (map->epoch > 0 && owner != self_ && map->owner != self_) ++takeovers_;
   ++map->epoch;
   map->owner = owner;

@@ -183,6 +183,7 @@ class Atlas {
   ProcessId self_;
   double start_s_;
   std::map<MapId, Ownership> maps_;
+  std::set<MapId> granted_here_;  // not by an earlier atlas_server
   std::map<ProcessId, Peer> peers_;
   std::map<RobotId, Robot> robots_;
   std::map<ProcessId, Tracker> trackers_;
