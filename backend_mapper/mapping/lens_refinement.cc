@@ -93,15 +93,15 @@ LensFinding FindRadialResidual(const LensProblem& lens_problem, const LensRefine
   // Twice the cost's drop, in units of the features' own noise: chi-square with two degrees of freedom if there were
   // nothing to find.
   const double evidence = 2 * (adjusted->cost_without - adjusted->cost_with) / (bundle.loss_width * bundle.loss_width);
-  const bool is_focal =
-      adjusted->cost_focal <
-      adjusted->cost_with;  // the calibration is wrong in another way, and the residual would only stand for it
+  // The calibration may be wrong in another way, and the residual would only stand for it.
+  const double over_focal = (adjusted->cost_without - adjusted->cost_with) / std::max(1e-9, adjusted->cost_without - adjusted->cost_focal);
+  const bool is_focal = over_focal < options.min_over_focal;
   const bool is_significant = !is_focal && shift_px >= options.min_shift_px && Shift(adjusted->residual, {}, rim) < kMaxShiftShare * rim &&
                               evidence >= (known.IsNone() ? options.min_evidence : options.min_evidence_again);
-  spdlog::info("lens: the calibration leaves k1 {:.4f} k2 {:.4f}, {:.2f} px from what is known, evidence {:.0f}: {}",
-               adjusted->residual.k1, adjusted->residual.k2, shift_px, evidence,
+  spdlog::info("lens: the calibration leaves k1 {:.4f} k2 {:.4f}, {:.2f} px from what is known, evidence {:.0f}, {:.1f} times a focal length's: {}",
+               adjusted->residual.k1, adjusted->residual.k2, shift_px, evidence, over_focal,
                is_significant ? "taken in"
-               : is_focal     ? "another focal length explains more, left as it is"
+               : is_focal     ? "another focal length may explain it, left as it is"
                               : "left as it is");
   if (is_significant) return {adjusted->residual, false};
   return {{}, is_focal && evidence >= kSettlingEvidence * options.min_evidence};
