@@ -83,7 +83,7 @@ TEST_F(OverlapDetectorTest, IsDeterministic) {
 TEST_F(OverlapDetectorTest, RefusesALookAlike) {
   Random random(5);
   std::map<int, Descriptor> own;
-  const TwoMaps lookalike(TwoMapsSceneOptions(), [&](int landmark, const Descriptor& descriptor) {
+  const TwoMaps lookalike(PlaceSceneOptions(), [&](int landmark, const Descriptor& descriptor) {
     if (landmark % 4 == 0) return descriptor;
     const auto [entry, is_new] = own.try_emplace(landmark);
     if (is_new) entry->second = RandomDescriptor(&random);

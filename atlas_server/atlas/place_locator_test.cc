@@ -34,7 +34,7 @@ TEST_F(PlaceLocatorTest, FindsAFrameThatHasNoMap) {
 }
 
 TEST_F(PlaceLocatorTest, RefusesAFrameOfAnotherPlace) {
-  SyntheticSceneOptions elsewhere = TwoMapsSceneOptions();
+  SyntheticSceneOptions elsewhere = PlaceSceneOptions();
   elsewhere.seed = 99;
   SyntheticScene scene = MakeSyntheticScene(elsewhere);
   Finish(&scene.views[5], *maps_.passes.vocabulary, nullptr);

@@ -10,16 +10,6 @@
 
 namespace portolan {
 
-inline SyntheticSceneOptions TwoMapsSceneOptions() {
-  SyntheticSceneOptions options;
-  options.num_landmarks = 400;
-  options.num_clutter = 200;
-  options.num_views = 20;
-  options.travel = 2;
-  options.descriptor_flip_ratio = 0.03;
-  return options;
-}
-
 inline KeyFrameIndex IndexOf(const Map& map) {
   KeyFrameIndex index;
   for (const auto& [id, keyframe] : map.keyframes()) index.Add(id, WordsOf(keyframe.data));
@@ -28,7 +18,7 @@ inline KeyFrameIndex IndexOf(const Map& map) {
 
 /// The first pass as one map, the second as another with its own frame and scale.
 struct TwoMaps {
-  explicit TwoMaps(const SyntheticSceneOptions& options = TwoMapsSceneOptions(), const Appearance& second_appearance = nullptr)
+  explicit TwoMaps(const SyntheticSceneOptions& options = PlaceSceneOptions(), const Appearance& second_appearance = nullptr)
       : passes(MakeTwoPasses(options, second_appearance)), first(BuildMap(passes.first)), second(MakeSecond()), words(IndexOf(first)) {
     first.TakeDelta();
     second.TakeDelta();

@@ -29,6 +29,17 @@ inline void Finish(SyntheticView* view, const Vocabulary& vocabulary, const Appe
   view->data = MakeKeyFrameData(std::move(data), &vocabulary);
 }
 
+/// Of a place that is found again easily: enough to see on the way along it, of which little changes its looks.
+inline SyntheticSceneOptions PlaceSceneOptions() {
+  SyntheticSceneOptions options;
+  options.num_landmarks = 400;
+  options.num_clutter = 200;
+  options.num_views = 20;
+  options.travel = 2;
+  options.descriptor_flip_ratio = 0.03;
+  return options;
+}
+
 /// @param options of the first pass. The second moves on an arc, in another session (sequences go on rising).
 inline TwoPasses MakeTwoPasses(SyntheticSceneOptions options, const Appearance& second_appearance = nullptr) {
   TwoPasses passes;

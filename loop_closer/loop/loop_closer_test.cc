@@ -82,7 +82,7 @@ class LoopCloserTest : public ::testing::Test {
     return kind;
   }
 
-  const TwoPasses passes_ = MakeTwoPasses(LoopSceneOptions());
+  const TwoPasses passes_ = MakeTwoPasses(PlaceSceneOptions());
   Map owner_ = MapWithLoop(passes_);
   LoopCloser closer_;
   MapperState state_;

@@ -21,7 +21,7 @@ class LoopDetectorTest : public ::testing::Test {
   KeyFrameId Second(size_t view) const { return passes_.second.views[view].data->id; }
   LoopDetection Detect(LoopDetector* detector, size_t view) { return detector->Detect(map_, Second(view), index_, &times_); }
 
-  const TwoPasses passes_ = MakeTwoPasses(LoopSceneOptions());
+  const TwoPasses passes_ = MakeTwoPasses(PlaceSceneOptions());
   const Map map_ = MapWithLoop(passes_);
   const KeyFrameIndex index_ = Index(map_);
   StageTimes times_;

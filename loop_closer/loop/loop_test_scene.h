@@ -7,16 +7,6 @@
 
 namespace portolan {
 
-inline SyntheticSceneOptions LoopSceneOptions() {
-  SyntheticSceneOptions options;
-  options.num_landmarks = 400;
-  options.num_clutter = 200;
-  options.num_views = 20;
-  options.travel = 2;
-  options.descriptor_flip_ratio = 0.03;
-  return options;
-}
-
 /// Where the second pass came out: where it should be, but for this.
 inline Sim3d LoopDrift() { return Sim3d(1.2, ExpSO3({0.03, -0.06, 0.02}), {0.3, -0.2, 0.3}); }
 
