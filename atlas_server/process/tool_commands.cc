@@ -66,7 +66,8 @@ Status ShowStatus(ToolSession* session, const ToolArguments& arguments) {
     const double now_s = ToolSession::Now();
     Print(arguments.json ? book.ToJson(now_s).dump(arguments.watch ? -1 : 2) + "\n" : book.Format(now_s));
   };
-  session->Listen(kRatesS, [&] { return book.num_with_rates() == book.size(); });
+  // The whole time: nobody knows how many there are, and one may be discovered seconds after the others.
+  session->Listen(kRatesS, [] { return false; });
   show();
   while (arguments.watch) {
     session->Listen(kRefreshS, [] { return false; });

@@ -87,11 +87,6 @@ void StatusBook::Hear(const ProcessStatus& status, double now_s) {
   ++entry.heard;
 }
 
-size_t StatusBook::num_with_rates() const {
-  return static_cast<size_t>(
-      std::count_if(entries_.begin(), entries_.end(), [](const auto& entry) { return entry.second.has_rates(); }));
-}
-
 const ProcessStatus* StatusBook::Find(const std::string& role) const {
   const Entry* last = nullptr;
   for (const auto& [id, entry] : entries_) {

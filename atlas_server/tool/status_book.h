@@ -16,9 +16,8 @@ class StatusBook {
  public:
   void Hear(const ProcessStatus& status, double now_s);
 
-  /// How many processes were heard of, and of those how many often enough for rates.
+  /// How many processes were heard of.
   size_t size() const { return entries_.size(); }
-  size_t num_with_rates() const;
   /// The process of this role heard of last; null if none.
   const ProcessStatus* Find(const std::string& role) const;
 
@@ -37,7 +36,6 @@ class StatusBook {
     double heard_s = 0;
     std::map<std::string, double> rates;  // per second, of figures that rose since the status before
     int heard = 0;                        // statuses
-    bool has_rates() const { return heard > 2; }
   };
   std::vector<const Entry*> Sorted() const;
 
