@@ -79,6 +79,16 @@ bool KeyFramePolicy::HasLost(const Map& map, const Frame& frame, double share) c
   return frame.num_inliers < share * static_cast<double>(seen);
 }
 
+bool KeyFramePolicy::IsInKnownPlace(const Frame& frame) const {
+  const KeyFrameId reference = frame.reference;
+  const bool is_own = reference.robot() == last_keyframe_.robot() && reference.session() == last_keyframe_.session();
+  return !is_own || reference.sequence() + static_cast<uint32_t>(options_.recent_keyframes) < last_keyframe_.sequence();
+}
+
+bool KeyFramePolicy::IsViewNew(const Map& map, const Frame& frame) const {
+  return HasLost(map, frame, IsInKnownPlace(frame) ? options_.known_place_overlap : options_.max_reference_overlap);
+}
+
 bool KeyFramePolicy::IsLeaving(const Map& map, const Frame& frame) const {
   return frame.num_inliers < kFewPoints || (IsFar(map, frame, 1.0) && IsBeyondKeyFrames(map, frame.camera_from_map));
 }

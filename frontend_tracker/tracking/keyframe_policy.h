@@ -14,7 +14,10 @@ class KeyFramePolicy {
 
   /// Remembers s_01 / d_0 of a new map's first two keyframes, the right side of Eq. (7).
   void StartMap(const Map& map);
-  void NoteKeyFrame(Timestamp stamp) { last_keyframe_stamp_ = stamp; }
+  void NoteKeyFrame(KeyFrameId id, Timestamp stamp) {
+    last_keyframe_ = id;
+    last_keyframe_stamp_ = stamp;
+  }
 
   enum class Decision {
     kNo,         ///< quality is poor, or too near to another keyframe
@@ -27,8 +30,10 @@ class KeyFramePolicy {
   bool IsQualityGood(const Frame& frame) const;
   /// Second condition, Eq. (7): s_ci / d_c > s_01 / d_0.
   bool IsFarEnough(const Map& map, const Frame& frame) const { return IsFar(map, frame, options_.distance_factor); }
-  /// Beyond the paper: the frame has lost sight of much of what its reference keyframe sees, as when the camera turns.
-  bool IsViewNew(const Map& map, const Frame& frame) const { return HasLost(map, frame, options_.max_reference_overlap); }
+  /// Beyond the paper: the frame has lost sight of much of what its reference keyframe sees, as when the camera turns; in a known place, of most.
+  bool IsViewNew(const Map& map, const Frame& frame) const;
+  /// Whether the frame's reference keyframe is not one of the youngest: the camera is where it, or another, has been before.
+  bool IsInKnownPlace(const Frame& frame) const;
   /// Whether the map ends here, for one that is to get no more keyframes: the frame is too far from all of them (Eq. 7 as it stands in the paper) and not
   /// between two, or sees little of the map.
   bool IsLeaving(const Map& map, const Frame& frame) const;
@@ -43,6 +48,7 @@ class KeyFramePolicy {
 
   KeyFramePolicyOptions options_;
   double first_distance_over_depth_ = 0;  // s_01 / d_0
+  KeyFrameId last_keyframe_;
   Timestamp last_keyframe_stamp_{INT64_MIN / 2};
 };
 

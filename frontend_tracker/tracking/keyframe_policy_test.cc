@@ -126,6 +126,26 @@ TEST_F(KeyFramePolicyTest, ANewViewCountsWithoutDistance) {
   EXPECT_FALSE(policy_.IsViewNew(map_, without_reference));
 }
 
+TEST_F(KeyFramePolicyTest, AKnownPlaceIsNotMappedAgainForWhatIsNotTrackedOfIt) {
+  SyntheticSceneOptions options = scene_.options;
+  options.num_views = 4;
+  scene_ = MakeSyntheticScene(options);
+  map_ = BuildMap(scene_);
+  const Frame frame = MakeFrame(0.5, 0.7);
+  const KeyFrameId reference = frame.reference;
+  const auto later = [&](uint32_t number) { return KeyFrameId(reference.robot(), reference.session(), reference.sequence() + number); };
+  policy_.NoteKeyFrame(later(30), Timestamp::FromSeconds(1));
+  EXPECT_FALSE(policy_.IsInKnownPlace(frame));
+  EXPECT_EQ(policy_.Decide(map_, frame, true), Decision::kInsert);
+  policy_.NoteKeyFrame(later(31), Timestamp::FromSeconds(1));
+  EXPECT_TRUE(policy_.IsInKnownPlace(frame));
+  EXPECT_EQ(policy_.Decide(map_, frame, true), Decision::kNo);
+  EXPECT_EQ(policy_.Decide(map_, MakeFrame(0.5, 0.5), true), Decision::kInsert) << "most is out of sight";
+  // What another session or robot mapped is known, whatever its numbers.
+  policy_.NoteKeyFrame(KeyFrameId(reference.robot(), reference.session() + 1, 1), Timestamp::FromSeconds(1));
+  EXPECT_TRUE(policy_.IsInKnownPlace(frame));
+}
+
 TEST_F(KeyFramePolicyTest, ABusyMapperIsInterruptedOnlyIfItAloneIsInTheWay) {
   EXPECT_EQ(policy_.Decide(map_, MakeFrame(1.5, 1.0), false), Decision::kInterrupt);
   EXPECT_EQ(policy_.Decide(map_, MakeFrame(0.5, 1.0), false), Decision::kNo);
@@ -151,9 +171,9 @@ TEST_F(KeyFramePolicyTest, KeepsTheInterval) {
   options.min_interval_s = 0.5;
   KeyFramePolicy policy(options);
   policy.StartMap(map_);
-  policy.NoteKeyFrame(Timestamp::FromSeconds(99.6));
+  policy.NoteKeyFrame(scene_.views[1].data->id, Timestamp::FromSeconds(99.6));
   EXPECT_EQ(policy.Decide(map_, MakeFrame(1.5, 1.0), true), Decision::kNo);
-  policy.NoteKeyFrame(Timestamp::FromSeconds(99.4));
+  policy.NoteKeyFrame(scene_.views[1].data->id, Timestamp::FromSeconds(99.4));
   EXPECT_EQ(policy.Decide(map_, MakeFrame(1.5, 1.0), true), Decision::kInsert);
 }
 

@@ -72,7 +72,7 @@ bool MapLocalizer::LocalizeNear(const Map& map, const Rigid3d& predicted_camera_
   if (inliers >= options_.keyframe.min_points && tracker_.TrackFine(map, frame) >= options_.relocalizer.min_inliers) return true;
   const auto nearest = KeyFramesInView(map, frame->data->camera, predicted_camera_from_map, 1);
   return !frame->data->bow.empty() && !nearest.empty() &&
-         relocalizer_.TrackKeyFrame(map, nearest.front(), options_.relocalizer.min_inliers, &tracker_, frame);
+         relocalizer_.TrackKeyFrame(map, nearest.front(), options_.relocalizer.min_inliers, &tracker_, frame) && Relocalizer::IsSure(*frame);
 }
 
 bool MapLocalizer::LocalizeByWords(const Map& map, const KeyFrameIndex& index, Frame* frame) {

@@ -16,11 +16,16 @@ class Relocalizer {
  public:
   Relocalizer(const RelocalizerOptions& options, uint64_t seed) : options_(options), seed_(seed) {}
 
-  /// @param frame with words computed. On success it is tracked (pose, landmarks, counts).
+  /// @param frame with words computed. On success it is tracked (pose, landmarks, counts), and sure.
   bool Relocalize(const Map& map, const KeyFrameIndex& index, MapTracker* tracker, Frame* frame) const;
 
-  /// The same against one keyframe, from matches by node alone: when the motion model failed but the place is known. @param min_inliers to accept.
+  /// The same against one keyframe, from matches by node alone: when the motion model failed but the place is known. @param min_inliers to accept. Whether
+  /// the place is right, something else must vouch for, or IsSure.
   bool TrackKeyFrame(const Map& map, KeyFrameId keyframe, int min_inliers, MapTracker* tracker, Frame* frame) const;
+
+  /// Whether a frame's matches alone tell where it is: more agree with the pose than would by chance with a wrong one, and in more than a corner of the
+  /// picture.
+  static bool IsSure(const Frame& frame);
 
  private:
   RelocalizerOptions options_;

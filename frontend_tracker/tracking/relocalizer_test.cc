@@ -66,6 +66,7 @@ TEST_F(RelocalizerTest, TracksAgainstAGivenKeyFrame) {
   Frame frame = FrameOfView(scene_, kLostView);
   ASSERT_TRUE(relocalizer_.TrackKeyFrame(map_, scene_.views[3].data->id, 30, &tracker_, &frame));
   EXPECT_LT(frame.camera_from_map.rotation.angularDistance(scene_.views[kLostView].camera_from_world.rotation), 1.5e-3);
+  EXPECT_TRUE(Relocalizer::IsSure(frame));
   EXPECT_FALSE(relocalizer_.TrackKeyFrame(map_, scene_.views[3].data->id, 100000, &tracker_, &frame));
 }
 
@@ -74,6 +75,35 @@ TEST_F(RelocalizerTest, AnotherPlaceIsNotFound) {
     Frame frame = FrameOfView(elsewhere_, view);
     EXPECT_FALSE(relocalizer_.Relocalize(map_, index_, &tracker_, &frame));
   }
+}
+
+TEST_F(RelocalizerTest, ACornerThatLooksTheSameIsNoPlace) {
+  // Of the place, the frame sees what is on a label in one corner; all else is of another place.
+  Frame frame = FrameOfView(scene_, kLostView);
+  Frame other = FrameOfView(elsewhere_, kLostView);
+  FeatureSet features = other.data->features;
+  const FeatureSet& label = frame.data->features;
+  const PinholeCamera& camera = frame.data->camera;
+  const auto append = [&](size_t i) {
+    features.pixels_px.push_back(label.pixels_px[i]);
+    features.octaves.push_back(label.octaves[i]);
+    features.angles_rad.push_back(label.angles_rad[i]);
+    features.descriptors.push_back(label.descriptors[i]);
+  };
+  size_t in_corner = 0;
+  for (size_t i = 0; i < label.size(); ++i) {
+    if (label.pixels_px[i].x() > 0.45f * static_cast<float>(camera.width) || label.pixels_px[i].y() > 0.45f * static_cast<float>(camera.height)) continue;
+    append(i);
+    ++in_corner;
+  }
+  ASSERT_GT(in_corner, 60u);
+  KeyFrameData data = *other.data;
+  data.features = features;
+  other.data = MakeKeyFrameData(std::move(data), vocabulary_.get());
+  other.landmarks.assign(features.size(), MapPointId());
+  ASSERT_TRUE(relocalizer_.TrackKeyFrame(map_, scene_.views[3].data->id, 30, &tracker_, &other)) << "by their number alone it would be believed";
+  EXPECT_FALSE(Relocalizer::IsSure(other));
+  EXPECT_FALSE(relocalizer_.Relocalize(map_, index_, &tracker_, &other));
 }
 
 TEST_F(RelocalizerTest, NothingToFindInAnEmptyMapOrWithoutWords) {

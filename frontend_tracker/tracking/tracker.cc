@@ -9,7 +9,16 @@ namespace portolan {
 namespace {
 
 constexpr size_t kPastFrames = 30;          // from which a new map may begin: a second of a fast camera, three of a slow one
+constexpr double kNearTurn = 0.3;           // rad, of a frame from its prediction: the rest of a fast turn that ESM did not see
+constexpr double kNearShift = 0.3;          // of what the frame sees, in its depths
 constexpr size_t kMaxUnacknowledged = 512;  // keyframes of maps that nobody writes any more may be among them
+
+/// Whether the motion model vouches for a pose, roughly.
+bool IsNear(const Map& map, const Rigid3d& predicted_camera_from_map, const Frame& frame) {
+  const double shift = (frame.camera_from_map.TargetOriginInSource() - predicted_camera_from_map.TargetOriginInSource()).norm();
+  return frame.camera_from_map.rotation.angularDistance(predicted_camera_from_map.rotation) < kNearTurn &&
+         shift < kNearShift * map.MedianDepth(frame.reference);
+}
 
 }  // namespace
 
@@ -162,7 +171,8 @@ bool Tracker::TrackInMap(Frame* frame) {
   const Stopwatch stopwatch;
   const Rigid3d predicted = frame->camera_from_map;
   AddWords(frame);
-  const bool found = relocalizer_.TrackKeyFrame(map, reference_keyframe_, options_.min_tracked_points, &map_tracker_, frame) ||
+  const bool found = (relocalizer_.TrackKeyFrame(map, reference_keyframe_, options_.min_tracked_points, &map_tracker_, frame) &&
+                      (IsNear(map, predicted, *frame) || Relocalizer::IsSure(*frame))) ||
                      relocalizer_.Relocalize(map, maps_.index(active_map_), &map_tracker_, frame);
   stage_times_.Add("relocalize", stopwatch.Milliseconds());
   if (found) {
@@ -247,7 +257,7 @@ KeyFrameId Tracker::Send(KeyFrameKind kind, Frame* frame, KeyFrameMessage messag
   unacknowledged_[id] = message;
   if (unacknowledged_.size() > kMaxUnacknowledged) unacknowledged_.erase(unacknowledged_.begin());
   awaited_keyframe_ = id;
-  keyframe_policy_.NoteKeyFrame(frame->stamp);
+  keyframe_policy_.NoteKeyFrame(id, frame->stamp);
   ++num_keyframes_sent_;
   output->keyframes.push_back(std::move(message));
   return id;

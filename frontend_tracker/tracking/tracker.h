@@ -155,6 +155,8 @@ class Tracker {
   bool RelocalizeAnywhere(Frame* frame);
   void GoOver(MapId target, Frame moved, const Frame* before, const std::optional<Sim3d>& target_from_active, Frame* frame);
   void LookBack(const Frame& frame);
+  std::optional<Overlap> LookBackWith(const Frame& frame, const Map& left, const Sim3d& left_from_map);
+  std::optional<Overlap> LookBackWithEarlier(const Map& left, const Sim3d& left_from_map);
   std::vector<MapId> OtherMaps() const;
   bool IsFull(const Map& map) const;
   void PlanMove(const Command& command);
@@ -204,8 +206,11 @@ class Tracker {
   std::optional<PlannedMove> move_;
   struct Handover {
     MapId map, left;
+    KeyFrameId left_reference;       // of the latest frame that was localised in the map left
+    std::vector<Frame> earlier;      // tracked in the map left, the oldest first; not localised in the other yet
     std::vector<Overlap> overlaps;
     int frames = 0;
+    size_t measured_from = 0;        // overlaps
   };
   std::optional<Handover> handover_;                        // the map just gone into and the one left, until their link is sure
   std::vector<Command> fusions_;                            // whose outcome is not in the replica yet

@@ -14,9 +14,9 @@ namespace {
 constexpr int kMoveFrames = 30;                // tried, before a move is given up
 constexpr double kSnapshotPatienceS = 10.0;    // for the map itself to come
 constexpr int kWordsEvery = 5;                 // frames near the predicted pose that fail, to one by words
-constexpr int kLookBackEvery = 2;              // frames, to one that is localised in the map just left too
-constexpr int kLookBackFrames = 60;            // after that the camera has seen what the two have in common
-constexpr size_t kLookBackOverlaps = 16;       // enough
+constexpr int kLookBackEvery = 2;              // frames, to one that is localised in the map just left too; the others take one from before in turn
+constexpr int kLookBackFrames = 90;             // after that the camera has seen what the two have in common
+constexpr size_t kLookBackOverlaps = 60;       // enough: the longer their way, the surer the scale
 constexpr size_t kLinkedMapsPerFrame = 2;      // tried by their Sim3
 constexpr int kLeavingFrames = 3;              // one after another, for a full map to end there
 constexpr int kFailedFramesFirst = 2;          // a picture or two that the active map does not explain are no reason to leave it
@@ -210,7 +210,10 @@ void Tracker::GoOver(MapId target, Frame moved, const Frame* before, const std::
     const Overlap overlap =
         MakeOverlap({map, moved.camera_from_map, moved.landmarks}, {ActiveMap(), before->camera_from_map, before->landmarks});
     if (const auto measured = MeasureLink({overlap})) link = measured;
-    handover_ = Handover{target, left, {overlap}, 0};
+    handover_ = Handover{target, left, before->reference, {}, {overlap}, 0, 1};
+    for (const Frame& earlier : ring_.frames()) {
+      if (earlier.map == left && earlier.number != before->number) handover_->earlier.push_back(earlier);
+    }
   }
   spdlog::info("frame {}: goes on in map {}, left {}: {} points there, {}", moved.number, ToString(target), ToString(left), moved.num_inliers,
                link ? "scale " + std::to_string(link->scale) : "no link");
@@ -239,31 +242,46 @@ void Tracker::GoOver(MapId target, Frame moved, const Frame* before, const std::
   *frame = std::move(moved);
 }
 
-/// Some frames after a change are localised in the map that was left too: of one frame alone the link's scale is a per cent off.
+/// Some frames after a change are localised in the map that was left too, and some from before it in the one gone into: of one frame alone the link's
+/// scale is a per cent off, and what a map knows only by its last frames has depths that err.
 void Tracker::LookBack(const Frame& frame) {
   if (!handover_) return;
   Handover& handover = *handover_;
   const Map* left = maps_.Find(handover.left);
   const auto left_from_map = left != nullptr && active_map_ == handover.map ? links_.Find(handover.left, handover.map) : std::nullopt;
   if (!left_from_map) return handover_.reset();
-  if (++handover.frames % kLookBackEvery == 0) {
-    Frame there = frame;
-    const bool found = localizer_.LocalizeNear(*left, TransformPose(frame.camera_from_map, *left_from_map), &there);
-    if (found) {
-      handover.overlaps.push_back(
-          MakeOverlap({ActiveMap(), frame.camera_from_map, frame.landmarks}, {*left, there.camera_from_map, there.landmarks}));
-    }
-    const bool is_due = handover.overlaps.size() == kMinWayFrames || handover.overlaps.size() == kLookBackOverlaps;
-    const auto link = found && is_due ? MeasureLink(handover.overlaps) : std::nullopt;
-    if (link) {
-      links_.Link({handover.map, frame.reference}, {handover.left, there.reference}, *link);
-      AskAtlas("link_maps", handover.map, handover.left, link, "");
-      young_link_.reset();  // this is the better one
-      spdlog::info("link of maps {} and {} from {} frames: scale {:.4f}", ToString(handover.map), ToString(handover.left),
-                   handover.overlaps.size(), link->scale);
-    }
+  auto overlap = ++handover.frames % kLookBackEvery == 0 ? LookBackWith(frame, *left, *left_from_map) : LookBackWithEarlier(*left, *left_from_map);
+  if (overlap) handover.overlaps.push_back(std::move(*overlap));
+  const bool is_last = handover.frames >= kLookBackFrames || handover.overlaps.size() >= kLookBackOverlaps;
+  const bool is_due = handover.overlaps.size() == kMinWayFrames || (is_last && handover.overlaps.size() > kMinWayFrames);
+  const auto link = is_due && handover.overlaps.size() > handover.measured_from ? MeasureLink(handover.overlaps) : std::nullopt;
+  if (link) {
+    handover.measured_from = handover.overlaps.size();
+    links_.Link({handover.map, frame.reference}, {handover.left, handover.left_reference}, *link);
+    AskAtlas("link_maps", handover.map, handover.left, link, "");
+    young_link_.reset();  // this is the better one
+    spdlog::info("link of maps {} and {} from {} frames: scale {:.4f}", ToString(handover.map), ToString(handover.left),
+                 handover.overlaps.size(), link->scale);
   }
-  if (handover.frames >= kLookBackFrames || handover.overlaps.size() >= kLookBackOverlaps) handover_.reset();
+  if (is_last) handover_.reset();
+}
+
+/// A frame since the change, in the map that was left.
+std::optional<Overlap> Tracker::LookBackWith(const Frame& frame, const Map& left, const Sim3d& left_from_map) {
+  Frame there = frame;
+  if (!localizer_.LocalizeNear(left, TransformPose(frame.camera_from_map, left_from_map), &there)) return std::nullopt;
+  handover_->left_reference = there.reference;
+  return MakeOverlap({ActiveMap(), frame.camera_from_map, frame.landmarks}, {left, there.camera_from_map, there.landmarks});
+}
+
+/// The latest frame from before the change that has not had its turn, in the map gone into.
+std::optional<Overlap> Tracker::LookBackWithEarlier(const Map& left, const Sim3d& left_from_map) {
+  if (handover_->earlier.empty()) return std::nullopt;
+  const Frame before = std::move(handover_->earlier.back());
+  handover_->earlier.pop_back();
+  Frame here = before;
+  if (!localizer_.LocalizeNear(ActiveMap(), TransformPose(before.camera_from_map, left_from_map.Inverse()), &here)) return std::nullopt;
+  return MakeOverlap({ActiveMap(), here.camera_from_map, here.landmarks}, {left, before.camera_from_map, before.landmarks});
 }
 
 void Tracker::CompleteFusions() {

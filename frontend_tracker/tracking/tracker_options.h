@@ -27,6 +27,9 @@ struct KeyFramePolicyOptions {
                                        ///< matches are wrong, and without new keyframes tracking would starve
   double max_reference_overlap = 0.9;  ///< beyond the paper: share of the reference keyframe's established landmarks still tracked, below which
                                        ///< the view has changed enough even without translation (rotation into the unseen)
+  double known_place_overlap = 0.6;    ///< the same where the reference is older than recent_keyframes: a place that has been mapped. What is not tracked
+                                       ///< there of all that was ever seen is no news, and mapping it again would let maps grow with every lap
+  int recent_keyframes = 30;           ///< of this tracker, the youngest: where it is mapping
   double urgent_reference_overlap = 0.6;  ///< below this share the frame is urgent: a busy mapper is interrupted for it
   double urgent_distance_factor = 1.0;    ///< from this factor on (the paper's Eq. 7) too. What is less urgent waits for an idle mapper: a BA that is
                                           ///< interrupted for every frame never gets anywhere
