@@ -57,6 +57,7 @@ def make_parser():
     add("--config", metavar="FILE", help="YAML configuration of all processes")
     add("--set", action="append", default=[], metavar="KEY=VALUE", help="overrides one value of the configuration; may be given again")
     add("--roles", default=",".join(role.option for role in ROLES), help="which processes to start here (default: %(default)s)")
+    add("--standby", action="store_true", help="the roles started here wait to take the place of others that run; 'portolan swap ROLE', or when one dies")
     add("--robot", type=int, help="number of the robot, or of the first one")
     add("--robots", type=int, default=1, metavar="N", help="so many robots with one atlas_server; results of each in OUT/robot_NUMBER")
     add("--start-offset", type=float, default=0.0, metavar="S", help="seconds between the starts of two robots (default: 0)")
@@ -173,6 +174,8 @@ def parse(arguments):
     options = make_parser().parse_args(arguments)
     options.roles = choose_roles(options.roles)
     options.peers = [peer.strip() for peer in (options.peers or "").split(",") if peer.strip()]
+    if options.standby and any(role.role == FRONTEND for role in options.roles):
+        fail("--standby: the frontend can't stand by; name other roles with --roles")
     check_robots(options)
     check_file("--camera", options.camera)
     check_file("--config", options.config)
@@ -219,6 +222,8 @@ def command_of(role, options, folder="", robot=None, data=None):
     add("--domain", options.domain)
     add("--dds", getattr(options, f"dds_{role.option}") or options.dds)
     add("--log-level", options.log_level)
+    if options.standby:
+        command.append("--standby")
     if role.role == ATLAS:
         add("--store", None if options.atlas is None else os.path.abspath(options.atlas))
     if role.role == FRONTEND:

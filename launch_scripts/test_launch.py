@@ -209,6 +209,14 @@ class SignalTest(RunTest):
         self.assertEqual(set(self.summary()["exit_codes"]), {"atlas_server", "backend_mapper"})
         self.assertNotIn("--domain", self.arguments_of("atlas_server"))  # all machines must agree: the configuration's
 
+    def test_standbys_are_told_that_they_are(self):
+        for role in BACK_ENDS:
+            self.behaviour[role] = {"report": report(role)}  # ends by itself
+        code, errors = self.run_to_end("--roles", "mapper,loop", "--standby", "--domain", "17", data=False)
+        self.assertEqual(code, 0, errors)
+        for role in ("backend_mapper", "loop_closer"):
+            self.assertEqual(self.arguments_of(role), ["--out", str(self.out), "--domain", "17", "--standby"])
+
     def test_second_interrupt_kills(self):
         for behaviour in self.behaviour.values():
             behaviour.update(announce=True, wait="signal", ignore=["SIGINT", "SIGTERM"])
@@ -360,6 +368,8 @@ class ArgumentTest(RunTest):
         self.assert_refused("--set =1", "--set", "=1")
         self.assert_refused("'tracker', expected some of", "--roles", "tracker")
         self.assert_refused("none given", "--roles", ",")
+        self.assert_refused("--standby: the frontend can't stand by", "--standby")
+        self.assert_refused("--standby: the frontend can't stand by", "--standby", "--roles", "mapper,frontend")
         self.assert_refused("--domain 231", "--domain", "231")
         self.assert_refused("--robot -1", "--robot", "-1")
         self.assert_refused("--atlas", "--atlas", str(self.folder / "none.db"))

@@ -11,8 +11,6 @@ namespace {
 
 constexpr size_t kMaxAnswers = 1024;  // remembered: a request is repeated for seconds, not for hours
 constexpr size_t kMaxEarly = 256;     // requests while listening; whoever is not answered asks again
-constexpr const char* kStandby = "standby";
-constexpr const char* kMapperRole = "backend_mapper";
 constexpr const char* kTrackerRole = "frontend_tracker";
 
 }  // namespace
@@ -24,6 +22,7 @@ void Atlas::Restore(const std::vector<Ownership>& ownerships, const MapGraph& gr
 
 void Atlas::OnRequest(const Request& request, double now_s) {
   OnSignOfLife(request.sender, now_s);
+  if (is_standby_) return;
   if (Listening(now_s)) {
     const bool repeated =
         std::any_of(early_.begin(), early_.end(), [&](const Request& early) { return early.id == request.id; });
@@ -46,7 +45,7 @@ void Atlas::Handle(const Request& request, double now_s) {
     if (!waits) registrations_.push_back({request, now_s});
     return;
   }
-  if (request.kind == "activate" || request.kind == "fuse" || request.kind == "locate") {
+  if (request.kind == "activate" || request.kind == "fuse" || request.kind == "locate" || request.kind == "swap") {
     if (open_orders_.insert(request.id).second) orders_.push_back(request);
     return;
   }
@@ -54,7 +53,7 @@ void Atlas::Handle(const Request& request, double now_s) {
   Reply refusal;
   refusal.reason = "unknown request '" + request.kind +
                    "': expected new_map, enter_map, refuse_map, link_maps, locate, register_mapper, list_maps, map_graph, save, activate, "
-                   "fuse, delete_map, import_map, start_map, global_ba, pause, resume, localize_only or map_again";
+                   "fuse, delete_map, import_map, start_map, global_ba, pause, resume, localize_only, map_again or swap";
   Send(request, std::move(refusal));
 }
 
@@ -233,27 +232,25 @@ std::optional<Reply> Atlas::AnswerRegistration(const Registration& registration,
   registered_.insert(mapper);
   Robot& robot = robots_[mapper.robot()];
   if (robot.mapper == mapper) return reply;
+  const bool stands_by = registration.request.argument == kStandbyState;
+  if (stands_by && HasMapper(mapper.robot(), now_s)) {
+    AddStandby(mapper);
+    return reply;
+  }
   if (!robot.mapper.IsValid() || !IsAlive(robot.mapper, now_s)) {
     robot.mapper = mapper;
     robot.adopted = false;
+    if (stands_by) Tell(CommandKind::kAppointMapper, mapper.robot(), mapper);
     return reply;
   }
-  if (registration.request.argument == kStandby) {
-    robot.standbys.push_back(mapper);
+  if (stands_by) {
+    AddStandby(mapper);
     return reply;
   }
   if (peers_.at(robot.mapper).last_seen_s <= registration.since_s) return std::nullopt;
   reply.ok = false;
   reply.reason = "robot " + std::to_string(mapper.robot()) + " has a mapper: " + Describe(robot.mapper);
   return reply;
-}
-
-std::string Atlas::Describe(ProcessId process) const {
-  const auto peer = peers_.find(process);
-  const std::string name = "process " + ToString(process);
-  if (peer == peers_.end() || peer->second.status.role.empty()) return name;
-  const ProcessStatus& status = peer->second.status;
-  return name + " (pid " + std::to_string(status.pid) + " on host '" + status.host + "')";
 }
 
 void Atlas::OnSignOfLife(ProcessId process, double now_s) {
@@ -300,7 +297,8 @@ void Atlas::OnStatus(const ProcessStatus& status, double now_s) {
   OnSignOfLife(status.process, now_s);
   peers_[status.process].status = status;
   if (status.role == kTrackerRole) OnTracker(status, now_s);
-  if (status.role == kMapperRole && status.map.IsValid() && status.epoch > 0) TakeUp(status);
+  const bool owns = status.map.IsValid() && status.epoch > 0 && status.state != kStandbyState;
+  if (status.role == kMapperRole && owns) TakeUp(status);
   if (!Listening(now_s)) Decide(now_s);
 }
 
@@ -340,12 +338,16 @@ void Atlas::AdoptMappers(double now_s) {
   for (const auto& [id, peer] : peers_) {
     if (peer.status.role != kMapperRole || registered_.count(id) == 1 || !IsAlive(id, now_s)) continue;
     Robot& robot = robots_[id.robot()];
+    const bool stands_by = peer.status.state == kStandbyState;
+    if (stands_by) AddStandby(id);
+    if (stands_by && (robot.mapper.IsValid() || HasMapper(id.robot(), now_s))) continue;
     if (robot.mapper.IsValid() && IsAlive(robot.mapper, now_s)) continue;
-    const bool owns = peer.status.map.IsValid() && peer.status.epoch > 0;
+    const bool owns = peer.status.map.IsValid() && peer.status.epoch > 0 && !stands_by;
     if (!owns && now_s - peer.first_seen_s < kAdoptAfterS) continue;
     robot.mapper = id;
     robot.adopted = true;
     registered_.insert(id);
+    if (stands_by) Tell(CommandKind::kAppointMapper, id.robot(), id);
     for (auto& [map, ownership] : maps_) {
       if (ownership.robot == id.robot() && ownership.epoch > 0 && !ownership.owner.IsValid()) ownership.owner = id;
     }
@@ -370,13 +372,14 @@ void Atlas::PromoteStandby(Robot* robot, double now_s) {
   if (successor == robot->standbys.end()) return;
   robot->adopted = false;
   std::swap(robot->mapper, *successor);  // the old one, if it only slept, is a standby from now on
+  Tell(CommandKind::kAppointMapper, robot->mapper.robot(), robot->mapper);
 }
 
 /// Sees to it that a wanted map has an owner who lives.
 void Atlas::Serve(RobotId robot_id, MapId id, double now_s) {
   const auto robot = robots_.find(robot_id);
   const auto map = maps_.find(id);
-  if (robot == robots_.end() || map == maps_.end() || !robot->second.mapper.IsValid() || !IsAlive(robot->second.mapper, now_s)) return;
+  if (robot == robots_.end() || map == maps_.end() || robot->second.is_leaving || !robot->second.mapper.IsValid() || !IsAlive(robot->second.mapper, now_s)) return;
   const ProcessId owner = map->second.owner;
   if (owner.IsValid() && owner != self_ && IsAlive(owner, now_s)) return;
   Grant(&map->second, robot->second.mapper);

@@ -28,7 +28,8 @@ namespace portolan {
 /// The rules:
 /// - A robot has one mapper at a time: the first that registers. Another is refused as soon as that one shows that it
 /// lives, unless it registers as
-///   "standby" (argument of the request); when the mapper dies, a standby or whoever registers next has its place.
+///   "standby" (argument of the request); when the mapper dies, a standby or whoever registers next has its place. A standby
+/// that follows an earlier atlas_server's word is known by its status. How one leaves its place to a standby: Succession.
 /// - A map that a tracker asks for is granted to its robot's mapper, once there is one. A tracker's wanted maps (the one
 /// it asked for last, the one it is in) pass on to its robot's mapper when their owner is dead. Each grant is in the next
 /// epoch; an epoch never falls.
@@ -36,6 +37,7 @@ namespace portolan {
 /// mapper has nothing left to do in it. A tracker that is silent for kGoneS is gone.
 /// - Processes that were here before the atlas_server: it listens for kListenS before it decides anything, and takes up
 /// what their statuses tell.
+/// - One that stands by behind another atlas_server hears everything and decides nothing, until it is promoted.
 class Atlas {
  public:
   /// A map as far as it is owned.
@@ -59,7 +61,18 @@ class Atlas {
   /// What an earlier atlas_server granted and knew.
   void Restore(const std::vector<Ownership>& ownerships, const MapGraph& graph = MapGraph());
 
-  /// Answers, but for "activate", "fuse" and "locate": see TakeOrders().
+  // Behind another atlas_server.
+  void StandBy() { is_standby_ = true; }
+  /// Has heard all that it needs to know.
+  void Promote(double now_s);
+  bool is_standby() const { return is_standby_; }
+  /// What the other granted, and its map graph.
+  void Follow(const std::vector<Ownership>& ownerships);
+  void Follow(const MapGraph& graph) { graph_ = graph; }
+  /// The other deleted a map.
+  void FollowDeletion(MapId map);
+
+  /// Answers, but for "activate", "fuse", "locate" and "swap": see TakeOrders().
   void OnRequest(const Request& request, double now_s);
   void OnStatus(const ProcessStatus& status, double now_s);
   void OnMapperState(const MapperState& state, double now_s);
@@ -96,6 +109,29 @@ class Atlas {
   /// `other` went into `map`.
   void Fuse(MapId map, MapId other, const Sim3d& map_from_other);
 
+  // What the succession decides (atlas_places.cc).
+  /// To a process, about itself or about whoever it is to follow: kDrain, kAppoint....
+  void Tell(CommandKind kind, RobotId robot, ProcessId process);
+  /// While the mapper of a robot leaves its place nothing new is given to it.
+  void SetLeaving(RobotId robot, bool is_leaving) { robots_[robot].is_leaving = is_leaving; }
+  /// `to` is the robot's mapper from now on, and owns all that the one before did, each map in its next epoch.
+  void ReplaceMapper(RobotId robot, ProcessId to);
+  /// Of a robot; for atlas_servers of any. The one that has the place, and lives; none: there is none.
+  ProcessId HolderOf(const std::string& role, RobotId robot, double now_s) const;
+  /// Those that wait for it, and live; by id.
+  std::vector<ProcessId> StandbysOf(const std::string& role, RobotId robot, double now_s) const;
+  /// Robots with a living process of this role, by number.
+  std::set<RobotId> RobotsWith(const std::string& role, double now_s) const;
+  std::vector<Ownership> MapsOf(ProcessId owner) const;
+  /// Whether the map is left where it is, until it was fused.
+  bool IsHeld(MapId map) const { return holds_.count(map) == 1; }
+  /// What a process told of itself last; null if it has not.
+  const ProcessStatus* StatusOf(ProcessId process) const;
+  /// When it was heard of first; infinity if it was not.
+  double FirstSeen(ProcessId process) const;
+  /// Its name, process number and host, for people.
+  std::string Describe(ProcessId process) const;
+
   const std::map<MapId, Ownership>& maps() const { return maps_; }
   const MapGraph& graph() const { return graph_; }
   /// Where a map's keyframes are now, if it was fused.
@@ -117,6 +153,10 @@ class Atlas {
   /// Requests that wait: for a map without a mapper, or to register while another may live.
   size_t num_pending() const;
   uint64_t num_takeovers() const { return takeovers_; }
+
+  static constexpr const char* kMapperRole = "backend_mapper";
+  static constexpr const char* kLoopRole = "loop_closer";
+  static constexpr const char* kAtlasRole = "atlas_server";
 
   /// A process publishes its status each second, at a busy moment a little late.
   static constexpr double kAliveS = 1.5;
@@ -142,6 +182,7 @@ class Atlas {
     bool adopted =
         false;  ///< the mapper was here before this atlas_server, and may own maps of which nobody has told yet
     std::vector<ProcessId> standbys;  ///< in the order of their registration
+    bool is_leaving = false;          ///< the mapper: gets nothing new
   };
   struct Tracker {
     MapId in;         ///< as its status tells, or its last enter_map
@@ -165,7 +206,8 @@ class Atlas {
   Reply Forward(const Request& request, CommandKind kind, double now_s);
   std::optional<Reply> AnswerRegistration(const Registration& registration, double now_s);
   void DecideRegistrations(double now_s);
-  std::string Describe(ProcessId process) const;
+  void AddStandby(ProcessId mapper);
+  bool HasMapper(RobotId robot, double now_s) const;
   void TakeUp(const ProcessStatus& status);
   void OnTracker(const ProcessStatus& status, double now_s);
   void AdoptMappers(double now_s);
@@ -178,10 +220,11 @@ class Atlas {
   Command MakeCommand(CommandKind kind, MapId map);
   void Grant(Ownership* map, ProcessId owner);
   void Send(const Request& request, Reply reply);
-  bool Listening(double now_s) const { return now_s - start_s_ < kListenS; }
+  bool Listening(double now_s) const { return is_standby_ || now_s - start_s_ < kListenS; }
 
   ProcessId self_;
   double start_s_;
+  bool is_standby_ = false;
   std::map<MapId, Ownership> maps_;
   std::set<MapId> granted_here_;  // not by an earlier atlas_server
   std::map<ProcessId, Peer> peers_;

@@ -77,6 +77,13 @@ class AtlasTest : public ::testing::Test {
     EXPECT_EQ(commands_[index].number, index + 1);
   }
 
+  void ExpectAppointment(size_t index, ProcessId mapper) {
+    ASSERT_GT(commands_.size(), index);
+    EXPECT_EQ(commands_[index].kind, CommandKind::kAppointMapper);
+    EXPECT_EQ(commands_[index].robot, mapper.robot());
+    EXPECT_EQ(commands_[index].owner, mapper);
+  }
+
   double now_ = 100;
   Atlas atlas_{kServer, 100};
   std::map<ProcessId, ProcessStatus> living_;
@@ -215,14 +222,16 @@ TEST_F(AtlasTest, AStandbyTakesOverAndTheSleeperBecomesStandby) {
   EXPECT_EQ(commands_.size(), 1u);
   Die(kMapperA);
   Go(2);
-  ExpectGrant(1, kMap, 2, kMapperB);
+  ExpectAppointment(1, kMapperB);
+  ExpectGrant(2, kMap, 2, kMapperB);
   Mapper(kMapperA, kMap, 1);  // it only slept, and believes that it owns the map
   Go(5);
-  EXPECT_EQ(commands_.size(), 2u);
+  EXPECT_EQ(commands_.size(), 3u);
   EXPECT_EQ(atlas_.maps().at(kMap).owner, kMapperB);
   Die(kMapperB);
   Go(2);
-  ExpectGrant(2, kMap, 3, kMapperA);
+  ExpectAppointment(3, kMapperA);
+  ExpectGrant(4, kMap, 3, kMapperA);
 }
 
 TEST_F(AtlasTest, ListensBeforeItDecides) {
@@ -342,6 +351,7 @@ TEST_F(AtlasTest, EpochsNeverFallAndLivingOwnersStay) {
         break;
     }
     for (const Command& command : commands_) {
+      if (command.kind != CommandKind::kGrantOwnership) continue;
       EXPECT_GT(command.epoch, last[command.map]);
       last[command.map] = command.epoch;
     }

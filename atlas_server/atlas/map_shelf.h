@@ -43,6 +43,7 @@ class MapShelf {
   /// No effect if the keyframe is known.
   void AddKeyFrame(MapId map, KeyFrameData data);
   ReplicaSet& replicas() { return replicas_; }
+  const ReplicaSet& replicas() const { return replicas_; }
   const std::map<MapId, MapReplica>& maps() const { return replicas_.replicas(); }
   /// See ReplicaSet; the words of new keyframes are indexed.
   std::vector<MapDelta> ApplyPending();

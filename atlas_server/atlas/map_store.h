@@ -35,6 +35,9 @@ class MapStore {
   /// process or not writable.
   static Result<std::unique_ptr<MapStore>> Open(const std::string& path);
 
+  /// Whether Open() failed because another process has the file open.
+  static bool IsInUse(const Error& error);
+
   using StoredMap = portolan::StoredMap;
   using Link = MapGraph::Link;
   using Activity = MapGraph::Activity;

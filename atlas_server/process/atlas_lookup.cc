@@ -112,6 +112,10 @@ void AtlasProcess::LookUp(const Waiting& next, const Map& map, const BowVector& 
 
 void AtlasProcess::TakeOrders() {
   for (const Request& order : atlas_.TakeOrders()) {
+    if (order.kind == "swap") {
+      succession_.OnOrder(order, Now());
+      continue;
+    }
     if (order.kind == "activate") {
       atlas_.Answer(order, Obey(order));
       continue;

@@ -17,10 +17,12 @@ constexpr size_t kMaxQueries = 16;       // of lost trackers, one a second each
 }  // namespace
 
 AtlasProcess::AtlasProcess(const ProcessSetup& setup, const AtlasOptions& options,
-                           std::shared_ptr<const Vocabulary> vocabulary, MapStore* store, Bus* bus, const std::string& priority, ProcessLoop* loop)
+                           std::shared_ptr<const Vocabulary> vocabulary, std::unique_ptr<MapStore> store, OpenStore open_later, Bus* bus,
+                           const std::string& priority, ProcessLoop* loop)
     : setup_(setup),
       vocabulary_hash_(vocabulary->hash()),
-      store_(store),
+      store_(std::move(store)),
+      open_later_(std::move(open_later)),
       bus_(bus),
       priority_(priority),
       loop_(loop),
@@ -41,12 +43,19 @@ AtlasProcess::AtlasProcess(const ProcessSetup& setup, const AtlasOptions& option
           [this](const KeyFrameData& data) { return WholeData(data); }),
       options_(options),
       atlas_(setup.process, Now()),
-      shelf_(options.shelf, std::move(vocabulary),
-             store == nullptr ? MapShelf::Load() : [store](KeyFrameId id) { return store->LoadKeyFrame(id); }),
+      shelf_(options.shelf, std::move(vocabulary), [this](KeyFrameId id) { return LoadKeyFrame(id); }),
       detector_(options.overlap),
       joiner_(setup.process, options.join, &atlas_),
+      succession_(setup.process, &atlas_,
+                  [this](MapId map) {
+                    const Map* held = shelf_.FindMap(map);
+                    return held == nullptr ? std::nullopt : std::optional(MeasureMap(*held));
+                  }),
+      request_ids_(setup.options.robot, setup.session),
       background_(loop, kBackgroundNiceSteps) {
-  if (store_ != nullptr) saver_.emplace(store_, options.store_interval_s);
+  if (store_ != nullptr) saver_.emplace(store_.get(), options.store_interval_s);
+  if (store_ != nullptr) store_path_ = store_->path();
+  if (setup.options.standby) atlas_.StandBy();
 }
 
 AtlasProcess::~AtlasProcess() {
@@ -58,19 +67,25 @@ Status AtlasProcess::LoadStore() {
   Result<MapStore::Content> content = store_->Load();
   if (!content) return content.error();
   for (const std::string& problem : content->problems) spdlog::error("{}", problem);
-  atlas_.Restore(content->ownerships, MapGraph(content->graph));
-  saved_graph_ = atlas_.graph().version();
-  for (MapStore::StoredMap& stored : content->maps) {
-    atlas_.OnEpoch(stored.snapshot.map, stored.snapshot.epoch);
-    TakeIn(std::move(stored), true);
+  if (atlas_.maps().empty()) {
+    atlas_.Restore(content->ownerships, MapGraph(content->graph));
+    saved_graph_ = atlas_.graph().version();
+  } else {  // stood by: what was heard is newer where it is more
+    if (graph_text_.empty()) atlas_.Follow(MapGraph(content->graph));
+    atlas_.Follow(content->ownerships);
   }
-  for (const auto& [id, replica] : shelf_.maps()) {
-    if (replica.NeedsSnapshot()) {
+  for (MapStore::StoredMap& stored : content->maps) {
+    const MapId id = stored.snapshot.map;
+    const auto [epoch, revision] = std::pair(stored.snapshot.epoch, stored.snapshot.revision);
+    atlas_.OnEpoch(id, epoch);
+    TakeIn(std::move(stored), true);
+    const Map* map = shelf_.FindMap(id);
+    if (map != nullptr) {
+      saver_->Restore(id, epoch, revision);
+      atlas_.OnSize(id, map->keyframes().size());
+    } else if (shelf_.maps().count(id) == 1) {
       spdlog::error("atlas store '{}': map {} is no valid map and left out: {}", store_->path(), ToString(id),
-                    replica.last_problem());
-    } else {
-      saver_->Restore(id, replica.map().epoch(), replica.map().revision());
-      atlas_.OnSize(id, replica.map().keyframes().size());
+                    shelf_.maps().at(id).last_problem());
     }
   }
   const Totals totals = CountTotals();
@@ -105,6 +120,8 @@ void AtlasProcess::ConnectReaders() {
   readers_.push_back(bus_->CreateReader<MapDeltaChunk>(post(&AtlasProcess::OnDeltaChunk)));
   readers_.push_back(bus_->CreateReader<SnapshotRequest>(post(&AtlasProcess::OnSnapshotRequest)));
   readers_.push_back(bus_->CreateReader<Request>(post(&AtlasProcess::OnRequest)));
+  readers_.push_back(bus_->CreateReader<Command>(post(&AtlasProcess::OnCommand)));
+  if (atlas_.is_standby()) ConnectStandby();
 }
 
 int AtlasProcess::Run() {
@@ -127,6 +144,7 @@ void AtlasProcess::OnStatus(const ProcessStatus& status) {
 void AtlasProcess::OnMapperState(const MapperState& state) {
   if (state.map.IsValid()) shelf_.replicas().Announce(state.map, state.epoch, state.revision);
   atlas_.OnMapperState(state, Now());
+  if (atlas_.is_standby()) return Continue();
   joiner_.OnMapperState(state, Now());
   QueueKeyFrame(state);
   Continue();
@@ -141,6 +159,7 @@ void AtlasProcess::OnKeyFrame(const KeyFrameMessage& message) {
     return;
   }
   if (message.kind == KeyFrameKind::kQuery) {
+    if (atlas_.is_standby()) return;
     queries_.push_back(message.data);
     if (queries_.size() > kMaxQueries) queries_.pop_front();
     return Continue();
@@ -181,6 +200,12 @@ void AtlasProcess::Continue() {
 }
 
 void AtlasProcess::OnRequest(const Request& request) {
+  if (atlas_.is_standby()) return;  // the other answers
+  if (request.kind == "holds_map" || request.kind == "drained") {
+    atlas_.OnSignOfLife(request.sender, Now());
+    succession_.OnReport(request, Now());
+    return Continue();
+  }
   std::optional<Reply> reply;
   if (request.kind == "save") reply = SaveOnRequest();
   if (request.kind == "list_maps") reply = ListMaps();
@@ -247,6 +272,7 @@ Reply AtlasProcess::ImportMaps(const Request& request) {
 /// What was granted is on the disk before anybody hears of it: an atlas_server that comes after this one goes on above
 /// these epochs. A store that fails holds nobody up: epochs are learned from living mappers too.
 void AtlasProcess::PublishDecisions() {
+  if (atlas_.is_standby()) return SaveGraph();
   for (const Atlas::Move& move : atlas_.TakeMoves()) joiner_.OnMove(move, Now());
   TakeOrders();
   for (const MapJoiner::Done& done : joiner_.TakeDone()) OnFused(done.map, done.other, done.revision);
@@ -274,7 +300,7 @@ void AtlasProcess::PublishDecisions() {
 
 /// Owner of the dormant maps; stands in for owners that don't live, and serves a new owner that asks for the map it was granted.
 void AtlasProcess::OnSnapshotRequest(const SnapshotRequest& request) {
-  if (request.asker == setup_.process) return;
+  if (request.asker == setup_.process || atlas_.is_standby()) return;
   const auto ownership = atlas_.maps().find(request.map);
   if (ownership == atlas_.maps().end()) return;
   const auto& [map, robot, epoch, owner] = ownership->second;
@@ -300,13 +326,25 @@ void AtlasProcess::SendSnapshots() {
 
 Result<KeyFrameData> AtlasProcess::WholeData(const KeyFrameData& data) {
   if (data.features.HasAppearance()) return data;
-  return store_->LoadKeyFrame(data.id);
+  return LoadKeyFrame(data.id);
+}
+
+Result<KeyFrameData> AtlasProcess::LoadKeyFrame(KeyFrameId id) {
+  if (store_ == nullptr) return Error{"keyframe " + ToString(id) + " is in no store"};
+  return store_->LoadKeyFrame(id);
 }
 
 void AtlasProcess::OnTick() {
   status_.AssertLiveliness();
   atlas_.OnTick(Now());
-  joiner_.OnTick(Now());
+  if (atlas_.is_standby()) {
+    StandByTick();
+  } else {
+    joiner_.OnTick(Now());
+    succession_.OnTick(Now());
+    LeaveIfAsked();
+    if (open_later_) OpenStoreNow();
+  }
   Continue();
   if (!snapshots_go_on_ && !snapshots_.IsIdle()) SendSnapshots();
   for (const SnapshotRequest& request : shelf_.replicas().DueRequests(Now(), setup_.process)) {

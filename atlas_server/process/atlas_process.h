@@ -1,6 +1,7 @@
 #pragma once
 
 #include <deque>
+#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
@@ -15,6 +16,7 @@
 #include "atlas/map_shelf.h"
 #include "atlas/map_store.h"
 #include "atlas/overlap_detector.h"
+#include "atlas/succession.h"
 #include "base/log.h"
 #include "base/statistics.h"
 #include "process/atlas_config.h"
@@ -31,16 +33,22 @@ namespace portolan {
 /// with snapshots for owners that are dead. Looks each new keyframe up in the other maps, and has maps switched or fused
 /// by what it finds. Of what is stored only that is kept in memory which is used (MapShelf). One owner thread, whose work
 /// is cut into bounded pieces, and one behind it that makes proposals for fusions.
+/// One that stands by behind another hears all of this and says nothing, but follows the other's list of maps and its graph
+/// too; with a store of its own it stores them.
 class AtlasProcess {
  public:
-  /// @param store may be null: nothing is stored.
-  AtlasProcess(const ProcessSetup& setup, const AtlasOptions& options, std::shared_ptr<const Vocabulary> vocabulary, MapStore* store,
-               Bus* bus, const std::string& priority, ProcessLoop* loop);
+  /// Opens a store that another process has still.
+  using OpenStore = std::function<Result<std::unique_ptr<MapStore>>()>;
+
+  /// @param store may be null: nothing is stored. @param open_later of one that stands by: its store is the other's, until that
+  /// one has left; else null.
+  AtlasProcess(const ProcessSetup& setup, const AtlasOptions& options, std::shared_ptr<const Vocabulary> vocabulary,
+               std::unique_ptr<MapStore> store, OpenStore open_later, Bus* bus, const std::string& priority, ProcessLoop* loop);
   ~AtlasProcess();
 
   /// Takes up what is in the store. Before Run().
   Status LoadStore();
-  /// Runs until SIGINT or SIGTERM, stores what is not stored yet and writes its report. @return exit code.
+  /// Runs until SIGINT, SIGTERM, or another has its place, stores what is not stored yet and writes its report. @return exit code.
   int Run();
 
  private:
@@ -55,6 +63,23 @@ class AtlasProcess {
   void OnSnapshotRequest(const SnapshotRequest& request);
   void OnTick();
   void OnStatusTimer();
+
+  // Standing by, and leaving the place to one that does (atlas_standby.cc).
+  void ConnectStandby();
+  void AskForList();
+  void OnReply(const Reply& reply);
+  void OnCommand(const Command& command);
+  void TakeUpList(const std::string& text);
+  void TakeUpGraph(const std::string& text);
+  void TellHeld();
+  void StandByTick();
+  bool IsLeftAlone() const;
+  void TakePlace();
+  void OpenStoreNow();
+  void SaveOwnerships();
+  void LeaveIfAsked();
+  size_t NumMissingMaps() const;
+  Revision Lag() const;
 
   /// After each event: what became possible with it, and what is to be told.
   void Continue();
@@ -93,6 +118,7 @@ class AtlasProcess {
   void SendSnapshots();
   /// The whole data of a keyframe, from the store where memory has it bare.
   Result<KeyFrameData> WholeData(const KeyFrameData& data);
+  Result<KeyFrameData> LoadKeyFrame(KeyFrameId id);
   void TakeIn(StoredMap map, bool is_stored);
   void StoreAPiece();
   void DropWhatIsStored();
@@ -113,7 +139,8 @@ class AtlasProcess {
 
   const ProcessSetup& setup_;
   const uint64_t vocabulary_hash_;
-  MapStore* store_;
+  std::unique_ptr<MapStore> store_;
+  OpenStore open_later_;  // null: the store is here, or there is none
   Bus* bus_;
   std::string priority_;
   ProcessLoop* loop_;
@@ -134,6 +161,7 @@ class AtlasProcess {
   MapShelf shelf_;
   OverlapDetector detector_;
   MapJoiner joiner_;
+  Succession succession_;
   std::optional<MapSaver> saver_;
   std::deque<Waiting> waiting_;               // keyframes to be looked up
   std::map<RobotId, FollowerState> followers_, published_;  // by the robot whose keyframes they are about
@@ -152,6 +180,18 @@ class AtlasProcess {
   double lookup_ms_ = 0;  // of the last keyframe
   LogThrottle store_log_;
   MapId last_map_;  // that changed
+  // Of one that stands by.
+  IdMinter<RequestId> request_ids_;
+  std::unique_ptr<Writer<Request>> request_writer_;
+  RequestId asked_list_, asked_graph_;
+  std::string graph_text_;
+  std::map<MapId, std::pair<Epoch, Revision>> told_;
+  bool is_telling_ = false;  // the one that has the place drains
+  double awake_since_s_ = 0, last_tick_s_ = 0;
+  std::optional<double> taking_place_since_s_;
+  bool has_left_ = false;
+  std::string store_path_;
+  int exit_code_ = kExitOk;
   uint64_t foreign_vocabulary_ = 0, grants_ = 0, snapshots_asked_ = 0, store_failures_ = 0;
   StageTimes times_;
   BackgroundWork background_;

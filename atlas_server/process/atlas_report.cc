@@ -118,11 +118,13 @@ void AtlasProcess::AddOverlaps(nlohmann::json* report) const {
 
 void AtlasProcess::OnStatusTimer() {
   PublishFollowers(true);
+  if (atlas_.is_standby() && !has_left_) AskForList();
   const Totals totals = CountTotals();
   const auto replica = shelf_.maps().find(last_map_);
   const bool known = replica != shelf_.maps().end();
   const bool failing = saver_ && store_failures_ > 0 && !saver_->IsComplete(shelf_.maps());
-  status_.Publish(failing            ? "the store can't be written"
+  status_.Publish(atlas_.is_standby() ? kStandbyState
+                  : failing            ? "the store can't be written"
                   : totals.maps == 0 ? "waiting for a map"
                                      : "following",
                   last_map_, known ? replica->second.map().epoch() : 0, known ? replica->second.map().revision() : 0,
@@ -133,6 +135,11 @@ void AtlasProcess::OnStatusTimer() {
                    {"pending_requests", static_cast<double>(atlas_.num_pending())},
                    {"grants", static_cast<double>(grants_)},
                    {"takeovers", static_cast<double>(atlas_.num_takeovers())},
+                   {"swaps", static_cast<double>(succession_.num_swaps())},
+                   {"promotions", static_cast<double>(succession_.num_promotions())},
+                   {"lag", static_cast<double>(Lag())},
+                   {"maps_missing", static_cast<double>(NumMissingMaps())},
+                   {"waits_for_store", open_later_ ? 1.0 : 0.0},
                    {"snapshots_sent", static_cast<double>(snapshots_.sent())},
                    {"snapshots_asked", static_cast<double>(snapshots_asked_)},
                    {"store_failures", static_cast<double>(store_failures_)},
@@ -154,7 +161,7 @@ int AtlasProcess::Finish() {
   ApplyPending();
   TakeUpFusions();
   PublishDecisions();
-  int exit_code = kExitOk;
+  int exit_code = exit_code_;
   if (Status saved = SaveAll(); !saved) {
     spdlog::error("{}", saved.error().message);
     exit_code = kExitFailure;
@@ -167,10 +174,12 @@ int AtlasProcess::Finish() {
   report["keyframes"] = totals.keyframes;
   report["points"] = totals.points;
   report["stored_keyframes"] = store_ == nullptr ? 0 : store_->num_keyframes();
-  report["store"] = store_ == nullptr ? "" : store_->path();
+  report["store"] = store_path_;
   report["store_failures"] = store_failures_;
   report["grants"] = grants_;
   report["takeovers"] = atlas_.num_takeovers();
+  report["swaps"] = succession_.num_swaps();
+  report["promotions"] = succession_.num_promotions();
   report["snapshots_sent"] = snapshots_.sent();
   report["snapshots_failed"] = snapshots_.failed();
   report["snapshots_asked"] = snapshots_asked_;

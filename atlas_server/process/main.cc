@@ -21,17 +21,21 @@ int Main(int argc, char** argv) {
 
   std::signal(SIGXFSZ, SIG_IGN);  // a limit on file sizes is a full disk to us: the write fails and says so
   std::unique_ptr<MapStore> store;
+  AtlasProcess::OpenStore open_later;
   if (const std::string path = StorePath(options, setup.options.out); !path.empty()) {
     auto opened = MapStore::Open(path);
-    if (!opened) {
+    if (!opened && setup.options.standby && MapStore::IsInUse(opened.error())) {
+      spdlog::info("atlas store '{}' is another atlas_server's until that one leaves", path);
+      open_later = [path] { return MapStore::Open(path); };
+    } else if (!opened) {
       spdlog::error("{}", opened.error().message);
       return kExitBadInput;
     }
-    store = std::move(*opened);
+    if (opened) store = std::move(*opened);
   }
   const ProcessStart start = ProcessStart::Make(setup);
   if (start.exit_code) return *start.exit_code;
-  AtlasProcess process(setup, options, start.vocabulary, store.get(), start.bus.get(), start.priority,
+  AtlasProcess process(setup, options, start.vocabulary, std::move(store), std::move(open_later), start.bus.get(), start.priority,
                        start.loop.get());
   if (Status loaded = process.LoadStore(); !loaded) {
     spdlog::error("{}", loaded.error().message);

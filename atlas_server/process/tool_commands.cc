@@ -12,12 +12,14 @@
 #include "tool/graph_picture.h"
 #include "tool/map_export.h"
 #include "tool/map_names.h"
+#include "tool/swap_report.h"
 
 namespace portolan {
 namespace {
 
 constexpr double kRatesS = 3.0;    // three statuses of each process, one a second
 constexpr double kRefreshS = 1.0;  // of --watch
+constexpr double kSwapS = 30.0;    // longer than the atlas_server gives it
 
 void Print(const std::string& text) {
   std::fwrite(text.data(), 1, text.size(), stdout);
@@ -145,6 +147,18 @@ Status LoadMaps(ToolSession* session, const ToolArguments& arguments) {
   const Result<Reply> reply = session->Ask("import_map", MapId(), MapId(), path);
   if (!reply) return reply.error();
   PrintOk(*reply);
+  return Ok{};
+}
+
+Status SwapProcess(ToolSession* session, const ToolArguments& arguments) {
+  if (const Result<MapList> list = session->ListMaps(); !list) return list.error();  // whether there is one that answers
+  session->BePatient(kSwapS);
+  const Result<Reply> reply = session->Ask("swap", MapId(), MapId(), arguments.role == "mapper" ? "backend_mapper" : arguments.role);
+  if (!reply) return reply.error();
+  const Result<SwapReport> report = ParseSwapReport(reply->text);
+  if (!report) return session->Fail(kExitFailure, report.error().message);
+  Print(arguments.json ? reply->text + "\n" : FormatSwapReport(*report));
+  if (const std::string problem = report->Problem(); !problem.empty()) return session->Fail(kExitFailure, problem);
   return Ok{};
 }
 

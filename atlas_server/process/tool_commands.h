@@ -12,8 +12,9 @@ struct ToolArguments {
   std::string file;            ///< load
   std::string ply, tum, pmap;  ///< export: files to write
   std::string dot, picture;    ///< graph: files to write
+  std::string role;            ///< swap
   std::string robot;           ///< number of the robot meant; empty: the atlas_server finds the one there is
-  bool json = false;           ///< status, maps, graph
+  bool json = false;           ///< status, maps, graph, swap
   bool names = false;          ///< maps: for the shell's completion
   bool watch = false;          ///< status
   bool there = false;          ///< load: the file is on the atlas_server's machine
@@ -27,6 +28,7 @@ Status ShowMaps(ToolSession* session, const ToolArguments& arguments);
 Status ShowGraph(ToolSession* session, const ToolArguments& arguments);
 Status ExportMap(ToolSession* session, const ToolArguments& arguments);
 Status LoadMaps(ToolSession* session, const ToolArguments& arguments);
+Status SwapProcess(ToolSession* session, const ToolArguments& arguments);
 /// Requests that name nothing but a robot, or nothing at all.
 Status SendRequest(ToolSession* session, const std::string& kind, const ToolArguments& arguments);
 /// Requests that name a map, or two.

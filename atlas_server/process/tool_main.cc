@@ -126,6 +126,15 @@ void AddRobotCommands(CLI::App* app, ToolOptions* options) {
   });
 }
 
+void AddSwap(CLI::App* app, ToolOptions* options) {
+  ToolArguments& arguments = options->arguments;
+  auto* swap = AddCommand(app, options, "swap", "a process leaves its place to one started with --standby", SwapProcess);
+  swap->add_option("ROLE", arguments.role, "mapper, loop_closer or atlas_server")
+      ->required()
+      ->check(CLI::IsMember({"mapper", "loop_closer", "atlas_server"}));
+  swap->add_flag("--json", arguments.json, "as the atlas_server answers");
+}
+
 /// The options that the tool shares with the processes, from file and command line.
 Status ReadShared(const ToolOptions& options, ProcessOptions* shared) {
   Result<ConfigReader> config =
@@ -149,6 +158,7 @@ int Main(int argc, char** argv) {
   AddFileCommands(&app, &options);
   AddMapCommands(&app, &options);
   AddRobotCommands(&app, &options);
+  AddSwap(&app, &options);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

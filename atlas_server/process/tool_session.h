@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <chrono>
 #include <functional>
 #include <memory>
@@ -28,6 +29,8 @@ class ToolSession {
   /// kExitRefused), or when none answers (kExitUnreachable).
   Result<Reply> Ask(const std::string& kind, MapId map = MapId(), MapId other = MapId(),
                     const std::string& argument = "");
+  /// Waits for an answer for so long at least from now on: what is asked takes its time.
+  void BePatient(double timeout_s) { timeout_s_ = std::max(timeout_s_, timeout_s); }
   Result<MapList> ListMaps();
   Result<DescribedGraph> FetchGraph();
 

@@ -15,7 +15,7 @@ _portolan_maps() {
 _portolan() {
   local current=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD - 1]} command='' i
   local common='--config --set --domain --dds --partition --robot --timeout --log-level --help'
-  local commands='status maps graph save load export activate fuse delete new-map global-ba pause resume localize-only'
+  local commands='status maps graph save load export activate fuse delete new-map global-ba pause resume localize-only swap'
   for ((i = 1; i < COMP_CWORD; ++i)); do
     case " $commands " in *" ${COMP_WORDS[i]} "*) command=${COMP_WORDS[i]}; break ;; esac
   done
@@ -35,6 +35,7 @@ _portolan() {
     load) [[ $current == -* ]] && words="--there $common" || { mapfile -t COMPREPLY < <(compgen -f -- "$current"); return; } ;;
     export) words="--ply --tum --map $common" ;;
     localize-only) words="on off $common" ;;
+    swap) words="mapper loop_closer atlas_server --json $common" ;;
   esac
   case $command in
     export|activate|fuse|delete|global-ba) [[ $current == -* ]] || words="$(_portolan_maps)" ;;

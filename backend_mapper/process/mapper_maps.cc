@@ -10,6 +10,7 @@ namespace {
 
 constexpr size_t kMaxEarly = 8;  // keyframes of a map whose grant or snapshot is still on its way; the tracker sends them again
 constexpr auto kRequestInterval = std::chrono::seconds(1);
+constexpr auto kAnswerPatience = std::chrono::seconds(2);
 
 }  // namespace
 
@@ -23,8 +24,13 @@ void MapperProcess::Own(MapId map, Epoch epoch) {
   const auto waiting = takeovers_.find(map);
   if (waiting != takeovers_.end() && waiting->second.epoch >= epoch) return;
   spdlog::info("granted map {} in epoch {}", ToString(map), epoch);
+  is_standby_ = false;
   if (epoch > 1) {
-    Takeover& takeover = takeovers_.insert_or_assign(map, Takeover{MapReplica(map), epoch, {}}).first->second;
+    std::optional<MapReplica> warm = warm_maps_.Take(map);
+    // Where the last owner drained, the two have told that they hold the same.
+    const bool is_open = warm && !draining_.IsValid();
+    Takeover& takeover =
+        takeovers_.insert_or_assign(map, Takeover{warm ? std::move(*warm) : MapReplica(map), epoch, {}, is_open, Clock::now()}).first->second;
     passed_on_.Return(&takeover.replica);
     ContinueTakeovers();
     return;
@@ -103,7 +109,8 @@ bool MapperProcess::ContinueTakeover(Takeover* takeover) {
   takeover->replica.ApplyPending();
   const Map& map = takeover->replica.map();
   // Any snapshot of an older epoch will do, an empty one too: then the last owner died before the map began.
-  if (map.epoch() > 0 && !takeover->replica.NeedsSnapshot()) {
+  const bool is_open = takeover->is_open && Clock::now() - takeover->since < kAnswerPatience;
+  if (map.epoch() > 0 && !is_open && !takeover->replica.NeedsSnapshot()) {
     spdlog::info("goes on with map {} at revision {}: {} keyframes, {} points", ToString(map.id()), map.revision(), map.keyframes().size(),
                  map.points().size());
     auto& mapper = mappers_[map.id()];
@@ -114,6 +121,7 @@ bool MapperProcess::ContinueTakeover(Takeover* takeover) {
     state_.epoch = takeover->epoch;
     state_.revision = mapper->map().revision();
     PublishState(keyframes_waiting_ == 0);
+    if (draining_.IsValid()) TellHeld(MeasureMap(mapper->map()));
     return true;
   }
   if (Clock::now() - takeover->last_request < kRequestInterval) return false;
@@ -123,13 +131,21 @@ bool MapperProcess::ContinueTakeover(Takeover* takeover) {
 }
 
 void MapperProcess::OnDeltaChunk(const MapDeltaChunk& chunk) {
+  if (is_standby_) {
+    warm_maps_.AddChunk(chunk);
+    FollowOwner();
+  }
   const auto takeover = takeovers_.find(chunk.part.map);
   if (takeover == takeovers_.end()) return;
-  for (MapDelta& delta : assembler_.Add(chunk)) takeover->second.replica.AddDelta(std::move(delta));
+  for (MapDelta& delta : assembler_.Add(chunk)) {
+    if (delta.IsSnapshot()) takeover->second.is_open = false;  // whichever is newer counts
+    takeover->second.replica.AddDelta(std::move(delta));
+  }
   ContinueTakeovers();
 }
 
 void MapperProcess::OnCopy(const KeyFrameMessage& copy) {
+  if (is_standby_) warm_maps_.AddKeyFrame(copy.map, copy.data);
   const auto takeover = takeovers_.find(copy.map);
   if (takeover == takeovers_.end()) return;
   takeover->second.replica.AddKeyFrameData(MakeKeyFrameData(copy.data, nullptr));

@@ -38,6 +38,8 @@ MapperProcess::MapperProcess(const ProcessSetup& setup, const MapperOptions& opt
           [](const KeyFrameData& data) { return Result<KeyFrameData>(data); }),
       point_ids_(setup.options.robot, setup.session),
       request_ids_(setup.options.robot, setup.session),
+      is_standby_(setup.options.standby),
+      warm_maps_(setup.process),
       background_(loop, kBackgroundNiceSteps) {
   state_.process = setup.process;
 }
@@ -69,6 +71,13 @@ void MapperProcess::ConnectReaders() {
   readers_.push_back(bus_->CreateReader<Reply>(post(&MapperProcess::OnReply)));
   readers_.push_back(bus_->CreateReader<MapDeltaChunk>(post(&MapperProcess::OnDeltaChunk)));
   readers_.push_back(bus_->CreateReader<MapCorrection>(post(&MapperProcess::OnCorrection)));
+  if (is_standby_) {
+    readers_.push_back(bus_->CreateReader<MapperState>([this](MapperState state) {
+      loop_->Post([this, state = std::move(state)] {
+        if (is_standby_) warm_maps_.OnMapperState(state);
+      });
+    }));
+  }
 }
 
 int MapperProcess::Run() {
@@ -100,6 +109,7 @@ void MapperProcess::Register() {
   request.id = request_ids_.Next();
   request.sender = setup_.process;
   request.kind = "register_mapper";
+  if (is_standby_) request.argument = kStandbyState;
   registration_ = request;
 }
 
@@ -113,11 +123,17 @@ void MapperProcess::OnReply(const Reply& reply) {
 }
 
 void MapperProcess::OnCommand(const Command& command) {
+  const bool is_mine = command.robot == setup_.options.robot;
+  warm_maps_.OnCommand(command);
   switch (command.kind) {
     case CommandKind::kGrantOwnership:
       return command.owner == setup_.process ? Own(command.map, command.epoch) : PassOn(command.map, command.epoch);
     case CommandKind::kFuseMaps: return Forget(command.other);  // its owner was this one, or another's mapper
     case CommandKind::kForgetMap: return Forget(command.map);
+    case CommandKind::kDrain: return OnDrain(command.owner);
+    case CommandKind::kAppointMapper:
+      if (is_mine) OnAppointment(command.owner);
+      return;
     default: return;  // of others
   }
 }
@@ -128,6 +144,8 @@ void MapperProcess::OnKeyFrame(KeyFrameMessage message) {
     return;
   }
   if (message.kind == KeyFrameKind::kCopy) return OnCopy(message);
+  if (is_standby_) return warm_maps_.AddKeyFrame(message.map, message.data);
+  if (IsDrained()) return;  // for who comes after: the tracker sends it again
   fused_.Redirect(
       [this](MapId map) {
         const auto found = mappers_.find(map);
@@ -169,7 +187,7 @@ void MapperProcess::Take(LocalMapper* mapper, const KeyFrameMessage& message) {
 }
 
 void MapperProcess::RefineLens(MapId map, LocalMapper* mapper) {
-  if (background_.busy()) return;
+  if (background_.busy() || draining_.IsValid()) return;
   if (const auto lacking = residuals_.FindLacking(mapper->map())) return AdaptMap(mapper->map(), *lacking);
   if (!options_.lens.enabled) return;
   auto problem = mapper->NextLensProblem();
@@ -187,7 +205,8 @@ void MapperProcess::OnLensFinding(MapId map, Epoch epoch, const PinholeCamera& c
   if (mapper != mappers_.end() && mapper->second->map().epoch() == epoch) {
     mapper->second->TakeLensFinding(finding);
     residuals_.Set({camera, finding.residual});
-    if (const auto lacking = residuals_.FindLacking(mapper->second->map())) AdaptMap(mapper->second->map(), *lacking);
+    const auto lacking = residuals_.FindLacking(mapper->second->map());
+    if (lacking) AdaptMap(mapper->second->map(), *lacking);
   }
   PublishState(keyframes_waiting_ == 0);
 }
@@ -213,7 +232,7 @@ void MapperProcess::OnAdapted(const CameraResidual& known, const MapCorrection& 
 
 /// Also of maps that get no keyframes: what was found in one is taken out of those that are to become one with it, too.
 void MapperProcess::AdaptMaps() {
-  if (background_.busy()) return;
+  if (background_.busy() || draining_.IsValid()) return;
   for (const auto& [id, mapper] : mappers_) {
     const auto lacking = residuals_.FindLacking(mapper->map());
     if (!lacking) continue;
@@ -265,7 +284,9 @@ void MapperProcess::OnCorrection(const MapCorrection& correction) {
   const auto mapper = mappers_.find(correction.map);
   if (mapper == mappers_.end()) return;
   ++corrections_;
-  const Status applied = correction.kind == "fusion" ? Fuse(correction) : mapper->second->ApplyCorrection(correction);
+  const Status applied = IsDrained()                   ? Status(Error{"the map is about to pass on to another mapper"})
+                         : correction.kind == "fusion" ? Fuse(correction)
+                                                       : mapper->second->ApplyCorrection(correction);
   if (!applied) spdlog::warn("correction {} of {} refused: {}", correction.number, ToString(correction.process), applied.error().message);
   state_.correction_process = correction.process;
   state_.correction_number = correction.number;
@@ -279,14 +300,19 @@ void MapperProcess::OnCorrection(const MapCorrection& correction) {
 void MapperProcess::OnTick() {
   status_.AssertLiveliness();
   ContinueTakeovers();
+  FollowOwner();
+  ContinueDrain();
   if (!snapshots_go_on_ && !snapshots_.IsIdle()) SendSnapshots();
 }
 
 void MapperProcess::OnStatusTimer() {
   if (registration_) request_writer_->Write(*registration_);
   AdaptMaps();
-  const std::string words = mappers_.empty() ? (registration_ ? "waiting for the atlas_server" : "waiting for a map") : "mapping";
-  status_.Publish(words, state_.map, state_.epoch, state_.revision,
+  if (IsDrained()) TellAllHeld();
+  // Of what it follows, if it owns nothing.
+  const Map* followed = is_standby_ && mappers_.empty() ? warm_maps_.current() : nullptr;
+  status_.Publish(StateInWords(), followed != nullptr ? followed->id() : state_.map, followed != nullptr ? followed->epoch() : state_.epoch,
+                  followed != nullptr ? followed->revision() : state_.revision,
                   {{"keyframes_taken", static_cast<double>(taken_)},
                    {"keyframes_refused", static_cast<double>(refused_)},
                    {"keyframes_waiting", static_cast<double>(keyframes_waiting_)},
@@ -296,6 +322,10 @@ void MapperProcess::OnStatusTimer() {
                    {"corrections", static_cast<double>(corrections_)},
                    {"fusions", static_cast<double>(fusions_)},
                    {"maps", static_cast<double>(mappers_.size())},
+                   {"keyframes", static_cast<double>(NumKeyFrames())},
+                   {"maps_followed", static_cast<double>(warm_maps_.num_maps())},
+                   {"maps_missing", static_cast<double>(warm_maps_.num_missing())},
+                   {"lag", static_cast<double>(warm_maps_.Lag())},
                    {"events_dropped", static_cast<double>(loop_->dropped())}});
 }
 

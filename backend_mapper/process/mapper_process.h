@@ -12,6 +12,7 @@
 #include "mapping/known_residuals.h"
 #include "mapping/local_mapper.h"
 #include "mapping/passed_on_maps.h"
+#include "mapping/warm_maps.h"
 #include "process/process_setup.h"
 #include "process/snapshot_sender.h"
 #include "process/status_publisher.h"
@@ -22,14 +23,15 @@ namespace portolan {
 
 /// The shell around the mapper: owns the maps that the atlas_server grants it, takes in keyframes, publishes deltas and answers snapshot
 /// requests, all on one owner thread. The tracker's interrupt comes in beside it and stops an optimisation under way. Robots may share a
-/// partition: what concerns maps of others is passed over.
+/// partition: what concerns maps of others is passed over. One that stands by follows another's maps, and owns them when that one leaves
+/// its place or dies.
 class MapperProcess {
  public:
   MapperProcess(const ProcessSetup& setup, const MapperOptions& options, uint64_t vocabulary_hash, Bus* bus,
                 const std::string& priority, ProcessLoop* loop);
   ~MapperProcess();
 
-  /// Runs until SIGINT, SIGTERM or the atlas_server refuses it. Writes its report. @return exit code.
+  /// Runs until SIGINT, SIGTERM, or the atlas_server refuses it or has given its place to another. Writes its report. @return exit code.
   int Run();
 
  private:
@@ -46,6 +48,17 @@ class MapperProcess {
   void OnCorrection(const MapCorrection& correction);
   void OnTick();
   void OnStatusTimer();
+
+  // Standing by, and leaving the place to one that does (mapper_standby.cc).
+  void FollowOwner();
+  void TellHeld(const HeldMap& held);
+  void OnDrain(ProcessId process);
+  void ContinueDrain();
+  void TellAllHeld();
+  void OnAppointment(ProcessId process);
+  bool IsDrained() const { return drained_since_.has_value(); }
+  std::string StateInWords() const;
+  size_t NumKeyFrames() const;
 
   // Which maps are this process's (mapper_maps.cc).
   void Own(MapId map, Epoch epoch);
@@ -93,6 +106,8 @@ class MapperProcess {
     MapReplica replica;
     Epoch epoch = 0;
     Clock::time_point last_request{};
+    bool is_open = false;  ///< the atlas_server may have more of it than was followed here: not without its answer, if one comes in time
+    Clock::time_point since{};
   };
   std::map<MapId, Takeover> takeovers_;
   PassedOnMaps passed_on_;
@@ -107,6 +122,10 @@ class MapperProcess {
   KnownResiduals residuals_;
   IdMinter<RequestId> request_ids_;
   std::optional<Request> registration_;  // until it is answered
+  bool is_standby_;
+  WarmMaps warm_maps_;        // of the mapper behind which it stands by
+  ProcessId draining_;        // this process, or that mapper; none: nobody is
+  std::optional<Clock::time_point> drained_since_;  // this process
   uint64_t taken_ = 0, refused_ = 0, interrupts_ = 0, foreign_vocabulary_ = 0, early_dropped_ = 0, corrections_ = 0, fusions_ = 0;
   StageTimes process_times_;
   int exit_code_ = kExitOk;

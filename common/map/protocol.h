@@ -129,7 +129,15 @@ enum class CommandKind : uint8_t {
   kMapAgain = 9,        ///< ends kLocalizeOnly
   kForgetMap = 10,      ///< `map` was deleted
   kShutDown = 11,       ///< processes of `robot` drain, save and end
+  kDrain = 12,          ///< `owner` is to leave its place to a standby: it ends what it has begun, takes on no more, and says what it
+                        ///< holds; so does the standby
+  kAppointMapper = 13,  ///< `owner` has the place of `robot`'s mapper from now on; one that drained leaves, or, if it is itself, goes on
+  kAppointLoopCloser = 14,
+  kAppointAtlasServer = 15,  ///< `owner` decides from now on; another atlas_server leaves
 };
+
+/// ProcessStatus::state of a process that follows, and waits to take the place of another of its role and robot.
+constexpr const char* kStandbyState = "standby";
 
 /// From the atlas_server alone.
 struct Command {

@@ -37,6 +37,14 @@ Epoch ReplicaSet::RemovedEpoch(MapId map) const {
   return removed == removed_.end() ? 0 : removed->second;
 }
 
+std::optional<MapReplica> ReplicaSet::Take(MapId map) {
+  const auto replica = replicas_.find(map);
+  if (replica == replicas_.end()) return std::nullopt;
+  std::optional<MapReplica> taken(std::move(replica->second));
+  Forget(map);
+  return taken;
+}
+
 void ReplicaSet::Forget(MapId map) {
   replicas_.erase(map);
   watches_.erase(map);

@@ -32,6 +32,8 @@ class ReplicaSet {
   /// replica. @return the deltas applied, in order (see MapReplica::ApplyPending).
   std::vector<MapDelta> ApplyPending();
 
+  /// Hands out the replica of a map, to be gone on with elsewhere; it is forgotten here. None if there is none.
+  std::optional<MapReplica> Take(MapId map);
   /// Forgets a map that is of no interest any more; what comes of it later is followed again.
   void Forget(MapId map);
   /// Forgets a map that is no more: what still comes of it is ignored, up to the last epoch that was heard of here. Does

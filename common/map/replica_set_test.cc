@@ -195,6 +195,17 @@ TEST_F(ReplicaSetTest, WhatComesOfARemovedMapIsIgnored) {
   ExpectEqual(a_);
 }
 
+TEST_F(ReplicaSetTest, ATakenReplicaGoesOnElsewhere) {
+  EXPECT_FALSE(set_.Take(a_.id()));
+  FollowOneChange();
+  set_.ApplyPending();
+  const auto taken = set_.Take(a_.id());
+  ASSERT_TRUE(taken);
+  EXPECT_EQ(HashMap(taken->map()), HashMap(a_));
+  EXPECT_EQ(set_.replicas().count(a_.id()), 0u);
+  EXPECT_TRUE(set_.DueRequests(100, kAsker).empty());
+}
+
 TEST_F(ReplicaSetTest, AForgottenMapIsFollowedAgain) {
   FollowOneChange();
   set_.ApplyPending();

@@ -19,14 +19,23 @@ bool NamesMap(CommandKind kind) {
   }
 }
 
+bool NamesProcess(CommandKind kind) {
+  switch (kind) {
+    case CommandKind::kGrantOwnership:
+    case CommandKind::kDrain:
+    case CommandKind::kAppointMapper:
+    case CommandKind::kAppointLoopCloser:
+    case CommandKind::kAppointAtlasServer: return true;
+    default: return false;
+  }
+}
+
 void CheckKind(const wire::Command& wire, MessageCheck* check) {
-  check->AtMost("kind", wire.kind(), static_cast<uint8_t>(CommandKind::kShutDown));
+  check->AtMost("kind", wire.kind(), static_cast<uint8_t>(CommandKind::kAppointAtlasServer));
   const auto kind = static_cast<CommandKind>(wire.kind());
   if (NamesMap(kind)) check->Id("map", wire.map_id());
-  if (kind == CommandKind::kGrantOwnership) {
-    check->Id("owner", wire.owner());
-    check->Require(wire.epoch() > 0, "epoch of a grant is 0");
-  }
+  if (NamesProcess(kind)) check->Id("owner", wire.owner());
+  if (kind == CommandKind::kGrantOwnership) check->Require(wire.epoch() > 0, "epoch of a grant is 0");
   if (kind == CommandKind::kFuseMaps || kind == CommandKind::kLinkMaps) check->Id("other", wire.other());
   if (NamesMap(kind)) check->Require(wire.other() != wire.map_id(), "names a map together with itself");
 }

@@ -57,7 +57,7 @@ TEST(CommandMessagesTest, RefusesMalformedCommands) {
   command.kind = CommandKind::kGrantOwnership;
   ExpectRefused<wire::Command>(ToWire(command), {
                                                     {"sender is none", [](wire::Command* w) { w->sender(0); }},
-                                                    {"kind is 12", [](wire::Command* w) { w->kind(12); }},
+                                                    {"kind is 16", [](wire::Command* w) { w->kind(16); }},
                                                     {"map is none", [](wire::Command* w) { w->map_id(0); }},
                                                     {"owner is none", [](wire::Command* w) { w->owner(0); }},
                                                     {"epoch of a grant is 0", [](wire::Command* w) { w->epoch(0); }},
@@ -81,6 +81,18 @@ TEST(CommandMessagesTest, CommandsToARobotNeedNoMap) {
     command.sender = ProcessId(1, 2, 3);
     command.kind = kind;
     EXPECT_TRUE(FromWire(ToWire(command)).ok()) << static_cast<int>(kind);
+  }
+}
+
+TEST(CommandMessagesTest, CommandsToAProcessNameIt) {
+  for (const CommandKind kind :
+       {CommandKind::kDrain, CommandKind::kAppointMapper, CommandKind::kAppointLoopCloser, CommandKind::kAppointAtlasServer}) {
+    Command command;
+    command.sender = ProcessId(1, 2, 3);
+    command.owner = ProcessId(1, 4, 1);
+    command.kind = kind;
+    EXPECT_TRUE(FromWire(ToWire(command)).ok()) << static_cast<int>(kind);
+    ExpectRefused<wire::Command>(ToWire(command), {{"owner is none", [](wire::Command* w) { w->owner(0); }}});
   }
 }
 

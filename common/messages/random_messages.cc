@@ -143,7 +143,7 @@ Command RandomCommand(Random* random) {
   Command command;
   command.number = random->Below(1000);
   command.sender = RandomId<ProcessId>(random);
-  command.kind = static_cast<CommandKind>(random->Below(12));
+  command.kind = static_cast<CommandKind>(random->Below(16));
   command.map = MapId(1, 2, 3);
   command.other = RandomId<MapId>(random);
   command.epoch = 1 + random->Below(10);

@@ -98,6 +98,9 @@ ProcessSetup ProcessSetup::Make(const std::string& role, const std::string& desc
   flag_for("--domain", "dds.domain", "DDS domain, 0 to 230 (default 0)");
   flag_for("--out", "out", "folder for results and logs");
   flag_for("--log-level", "log.level", "trace, debug, info, warn, error or off");
+  if (role != "frontend_tracker") {  // the camera is but one
+    app.add_flag("--standby", setup.options.standby, "wait, and follow, to take the place of the one that runs (docs/swap.md)");
+  }
   if (add_flags) add_flags(&app, &assignments);
   try {
     app.parse(argc, argv);

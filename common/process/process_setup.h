@@ -33,6 +33,7 @@ struct ProcessOptions {
   LogOptions log;
   std::string out;              ///< folder for results and logs; empty: none are written
   std::string vocabulary_file;  ///< empty: the default vocabulary
+  bool standby = false;         ///< follows, and waits to take the place of another process of its role; not of a frontend_tracker
 };
 
 /// A process on its way to start: the command line is parsed, the options are read, the log is set up.

@@ -58,6 +58,14 @@ TEST(ProcessSetup, PrioritiesFollowThePapersOrder) {
   }
 }
 
+TEST(ProcessSetup, AllButTheTrackerMayStandBy) {
+  EXPECT_FALSE(Make({}).options.standby);
+  EXPECT_TRUE(Make({"--standby"}).options.standby);
+  ::testing::internal::CaptureStderr();
+  EXPECT_EQ(Make({"--standby"}, "frontend_tracker").exit_code, kExitBadInput);
+  EXPECT_THAT(::testing::internal::GetCapturedStderr(), HasSubstr("--standby"));
+}
+
 TEST(ProcessSetup, TwoProcessesDrawDifferentSessions) { EXPECT_NE(Make({}).session, Make({}).session); }
 
 TEST(ProcessSetup, HelpEndsWithSuccess) {

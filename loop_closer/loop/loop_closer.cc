@@ -26,6 +26,14 @@ const char* Name(LoopCloser::JobKind kind) {
 LoopCloser::LoopCloser(const LoopOptions& options, std::shared_ptr<const Vocabulary> vocabulary, ProcessId process)
     : options_(options), process_(process), follower_(std::move(vocabulary), process.robot()), detector_(options.detector) {}
 
+void LoopCloser::SetActive(bool is_active) {
+  is_active_ = is_active;
+  if (!is_active && !ready_.empty()) NoteLookedAt(ready_.back().map, ready_.back().keyframe);
+  ready_.clear();
+  wants_global_.reset();
+  detector_.Reset();
+}
+
 void LoopCloser::OnMapperState(const MapperState& state) {
   follower_.OnMapperState(state);
   const bool is_mine = state.process.robot() == process_.robot();
@@ -36,7 +44,7 @@ void LoopCloser::OnMapperState(const MapperState& state) {
     if (state.last_keyframe.robot() == process_.robot()) NoteLookedAt(state.map, state.last_keyframe);
     return;
   }
-  if (!options_.enabled) return NoteLookedAt(state.map, state.last_keyframe);
+  if (!options_.enabled || !is_active_) return NoteLookedAt(state.map, state.last_keyframe);
   if (state.last_keyframe == last_keyframe_ || (!ready_.empty() && ready_.back().keyframe == state.last_keyframe)) return;
   ready_.push_back({state.map, state.last_keyframe, state.revision});
   while (static_cast<int>(ready_.size()) > options_.max_waiting) {
@@ -62,7 +70,7 @@ void LoopCloser::OnCommand(const Command& command) {
       return NoteOwner(command.map, command.epoch, command.owner.robot() == process_.robot() && command.owner != command.sender);
     case CommandKind::kFuseMaps: return OnFused(command.map, command.other);
     case CommandKind::kAdjustMap:
-      if (IsAtHand(command.map)) wants_global_ = command.map;
+      if (is_active_ && IsAtHand(command.map)) wants_global_ = command.map;
       return;
     case CommandKind::kForgetMap:
       follower_.Remove(command.map);
@@ -80,7 +88,7 @@ void LoopCloser::OnFused(MapId map, MapId other) {
     if (ready.map == other) ready = {map, ready.keyframe, 1};  // revisions of two maps say nothing of each other
   }
   DropWork(other, "the map is part of " + ToString(map) + " now");
-  if (is_followed && IsMine(map) && options_.enabled && options_.global_ba) wants_global_ = map;
+  if (is_active_ && is_followed && IsMine(map) && options_.enabled && options_.global_ba) wants_global_ = map;
 }
 
 /// Of a map that is no more. A job under way is cancelled by who runs it (ShouldCancel).
@@ -181,7 +189,7 @@ void LoopCloser::OnLoop(const Map& map, const DetectedLoop& loop) {
 }
 
 bool LoopCloser::IsForwardDue() const {
-  return options_.enabled && options_.forward_ba && ready_.empty() && IsMine(detector_map_) && follower_.IsUpToDate(detector_map_) &&
+  return options_.enabled && is_active_ && options_.forward_ba && ready_.empty() && IsMine(detector_map_) && follower_.IsUpToDate(detector_map_) &&
          keyframes_since_forward_ >= forward_patience_ * options_.forward_every_keyframes;
 }
 
@@ -233,7 +241,7 @@ LoopCloser::Job LoopCloser::MakeJob(JobKind kind, MapId map) {
 
 bool LoopCloser::ShouldCancel() const {
   if (!running_) return false;
-  if (running_->kind != JobKind::kLoop && closing_) return true;
+  if (running_->kind != JobKind::kLoop && (closing_ || !is_active_)) return true;
   if (!IsAtHand(running_->map)) return true;
   return follower_.map(running_->map).epoch() != running_->epoch;
 }
@@ -244,7 +252,7 @@ void LoopCloser::OnJobCancelled() {
   spdlog::info("{} of map {} cancelled", Name(cancelled.kind), ToString(cancelled.map));
   if (cancelled.kind == JobKind::kLoop) {
     FinishClosure(kPassedOn);
-  } else if (cancelled.kind == JobKind::kGlobalBundleAdjustment && IsMine(cancelled.map)) {
+  } else if (is_active_ && cancelled.kind == JobKind::kGlobalBundleAdjustment && IsMine(cancelled.map)) {
     wants_global_ = cancelled.map;  // after the loop that was in its way
   }
 }
@@ -309,7 +317,7 @@ void LoopCloser::FinishClosure(const std::string& problem) {
     ++counters_.closed;
     auto& edges = loop_edges_[closing_map_];
     edges.insert(edges.end(), closing_edges_.begin(), closing_edges_.end());
-    if (options_.global_ba) wants_global_ = closing_map_;
+    if (options_.global_ba && is_active_) wants_global_ = closing_map_;
     keyframes_since_forward_ = 0;
   } else {
     ++counters_.failed;

@@ -53,6 +53,13 @@ class LoopCloser {
   /// @param vocabulary may be null, then no loop is found (tests of the replicas alone). @param process of the corrections.
   LoopCloser(const LoopOptions& options, std::shared_ptr<const Vocabulary> vocabulary, ProcessId process);
 
+  /// Off: another process has the place. It follows the maps and looks for nothing; a loop that is being closed is ended, other
+  /// work given up.
+  void SetActive(bool is_active);
+  bool is_active() const { return is_active_; }
+  /// Whether nothing is under way that another process would have to begin anew.
+  bool IsAtRest() const { return !running_ && !proposal_ && !outbox_ && !closing_; }
+
   MapFollower& follower() { return follower_; }
   const MapFollower& follower() const { return follower_; }
   /// Acknowledges keyframes, which are looked at from then on, and corrections. Only of the maps that the robot's own mapper
@@ -67,7 +74,8 @@ class LoopCloser {
 
   /// Work that is due now, on a snapshot of its own; none while a job is under way or its correction is not answered.
   std::optional<Job> NextJob();
-  /// Whether the job under way is not worth ending: its map has another owner or is no more, or a loop was found meanwhile.
+  /// Whether the job under way is not worth ending: its map has another owner or is no more, a loop was found meanwhile, or the
+  /// place is to pass on.
   bool ShouldCancel() const;
   /// The job under way came back, or (null) was cancelled.
   void OnJobDone(JobResult result);
@@ -134,6 +142,7 @@ class LoopCloser {
   bool IsForwardDue() const;
 
   LoopOptions options_;
+  bool is_active_ = true;
   ProcessId process_;
   MapFollower follower_;
   LoopDetector detector_;

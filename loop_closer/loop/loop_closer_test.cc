@@ -89,6 +89,36 @@ class LoopCloserTest : public ::testing::Test {
   size_t next_view_ = 0;
 };
 
+TEST_F(LoopCloserTest, OneThatStandsByFollowsAndProposesNothing) {
+  closer_.SetActive(false);
+  EXPECT_FALSE(FindLoop());
+  EXPECT_FALSE(RunJob());
+  EXPECT_EQ(closer_.last_keyframe(), passes_.second.views.back().data->id) << "nobody has to wait for it";
+  EXPECT_TRUE(closer_.IsAtRest());
+  Command adjust;
+  adjust.kind = CommandKind::kAdjustMap;
+  adjust.map = owner_.id();
+  closer_.OnCommand(adjust);
+  EXPECT_FALSE(RunJob());
+  closer_.SetActive(true);
+  next_view_ = 0;
+  EXPECT_TRUE(FindLoop()) << "its replica and index are as warm as any";
+}
+
+TEST_F(LoopCloserTest, OneThatLeavesEndsItsLoopAndBeginsNothing) {
+  ASSERT_TRUE(FindLoop());
+  closer_.SetActive(false);
+  EXPECT_FALSE(closer_.IsAtRest());
+  ASSERT_EQ(RunJob(), JobKind::kLoop);
+  const auto loop = closer_.TakeCorrection();
+  ASSERT_TRUE(loop);
+  EXPECT_FALSE(closer_.IsAtRest()) << "not answered";
+  Answer(*loop);
+  EXPECT_TRUE(closer_.IsAtRest());
+  EXPECT_EQ(closer_.counters().closed, 1u);
+  EXPECT_FALSE(RunJob()) << "the global BA is the other's";
+}
+
 TEST_F(LoopCloserTest, ClosesALoopThenAdjustsTheWholeMap) {
   const KeyFrameId seen_again = passes_.second.views[10].data->id;
   const auto error = [&] {  // of where the second pass lies, against the first

@@ -27,9 +27,13 @@ LoopProcess::LoopProcess(const ProcessSetup& setup, const LoopOptions& options, 
       snapshot_writer_(bus->CreateWriter<SnapshotRequest>()),
       correction_writer_(bus->CreateWriter<MapCorrection>()),
       state_writer_(bus->CreateWriter<FollowerState>()),
+      request_writer_(bus->CreateWriter<Request>()),
       closer_(options, std::move(vocabulary), setup.process),
+      request_ids_(setup.options.robot, setup.session),
+      is_standby_(setup.options.standby),
       background_(loop, kBackgroundNiceSteps) {
   state_.process = setup.process;
+  closer_.SetActive(!is_standby_);
 }
 
 LoopProcess::~LoopProcess() {
@@ -88,6 +92,10 @@ void LoopProcess::OnTrackerState(const TrackerState& state) { closer_.follower()
 
 void LoopProcess::OnCommand(const Command& command) {
   closer_.OnCommand(command);
+  const bool is_mine = command.robot == setup_.options.robot;
+  if (command.kind == CommandKind::kDrain && is_mine && command.owner != command.sender) OnDrain(command.owner);
+  if (command.kind == CommandKind::kAppointMapper && is_mine && is_standby_) draining_ = ProcessId();  // it was the mapper that did
+  if (command.kind == CommandKind::kAppointLoopCloser && is_mine) OnAppointment(command.owner);
   Continue();
 }
 
@@ -141,6 +149,7 @@ void LoopProcess::OnTick() {
     snapshot_writer_->Write(request);
     ++snapshots_asked_;
   }
+  ContinueDrain(false);
   if (closer_.AwaitsAnswer() && Clock::now() - proposed_at_ > kAnswerPatience) closer_.ForgetCorrection("no answer from the map's owner");
   Continue();
 }
@@ -158,10 +167,11 @@ void LoopProcess::OnLogTimer() {
 }
 
 void LoopProcess::OnStatusTimer() {
+  ContinueDrain(true);
   state_writer_->Write(state_);  // again and again: a sign of life for who waits for it, and for who came late
   const MapId active = closer_.follower().active_map();
   const MapFollower::Summary summary = active.IsValid() ? closer_.follower().Summarize(active) : MapFollower::Summary();
-  status_.Publish(active.IsValid() ? "following" : "waiting for a map", active, summary.epoch, summary.revision,
+  status_.Publish(StateInWords(active.IsValid()), active, summary.epoch, summary.revision,
                   {{"keyframes", static_cast<double>(summary.keyframes)},
                    {"points", static_cast<double>(summary.points)},
                    {"covisibility_edges", static_cast<double>(summary.covisibility_edges)},

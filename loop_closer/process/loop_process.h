@@ -1,11 +1,13 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "base/statistics.h"
 #include "loop/loop_closer.h"
+#include "map/held_map.h"
 #include "process/process_setup.h"
 #include "process/status_publisher.h"
 #include "transport/background_work.h"
@@ -13,14 +15,15 @@
 
 namespace portolan {
 
-/// The shell around loop closing: follows the maps and looks for loops on one owner thread, corrects them on a second behind it.
+/// The shell around loop closing: follows the maps and looks for loops on one owner thread, corrects them on a second behind it. One that
+/// stands by follows and no more, until the atlas_server appoints it: of a robot's loop_closers one proposes.
 class LoopProcess {
  public:
   LoopProcess(const ProcessSetup& setup, const LoopOptions& options, std::shared_ptr<const Vocabulary> vocabulary, Bus* bus,
               const std::string& priority, ProcessLoop* loop);
   ~LoopProcess();
 
-  /// Runs until SIGINT or SIGTERM, then writes its report. @return exit code.
+  /// Runs until SIGINT, SIGTERM, or another has its place, then writes its report. @return exit code.
   int Run();
 
  private:
@@ -39,6 +42,14 @@ class LoopProcess {
   void Continue();
   void StartJob(LoopCloser::Job job);
   void PublishState();
+  // Standing by, and leaving the place to one that does (loop_standby.cc).
+  void OnDrain(ProcessId process);
+  void OnAppointment(ProcessId process);
+  void ContinueDrain(bool all);
+  void TellHeld();
+  void Report(const std::string& kind, MapId map, const std::string& argument);
+  std::string StateInWords(bool has_map) const;
+
   int Finish();
 
   const ProcessSetup& setup_;
@@ -49,10 +60,16 @@ class LoopProcess {
   std::unique_ptr<Writer<SnapshotRequest>> snapshot_writer_;
   std::unique_ptr<Writer<MapCorrection>> correction_writer_;
   std::unique_ptr<Writer<FollowerState>> state_writer_;
+  std::unique_ptr<Writer<Request>> request_writer_;
   std::vector<std::unique_ptr<Reader>> readers_;
 
   LoopCloser closer_;
   FollowerState state_;                 // as last published
+  IdMinter<RequestId> request_ids_;
+  bool is_standby_;
+  ProcessId draining_;  // a loop_closer, this one or another; none: nobody is
+  std::optional<Clock::time_point> drained_since_;
+  HeldMap told_;        // last, of the active map
   Clock::time_point proposed_at_{};
   Revision logged_revision_ = 0;
   MapId logged_map_;

@@ -15,6 +15,33 @@ void DeploymentTest::StartRole(const std::string& role, const std::vector<std::s
   processes_[role] = Start(command);
 }
 
+void DeploymentTest::StartStandby(const std::string& role, const std::vector<std::string>& arguments) {
+  std::vector<std::string> command = {Program("portolan_" + role), "--standby", "--out", StandbyOut(), "--domain", std::to_string(domain_)};
+  command.insert(command.end(), arguments.begin(), arguments.end());
+  processes_["standby/" + role] = Start(command);
+}
+
+Ended DeploymentTest::Tool(const std::vector<std::string>& arguments) {
+  std::vector<std::string> command = {Program("portolan"), "--domain", std::to_string(domain_)};
+  command.insert(command.end(), arguments.begin(), arguments.end());
+  return RunToEnd(command);
+}
+
+ProcessStatus DeploymentTest::StatusOf(const std::string& name) {
+  const StatusWatch::Heard heard = watch().heard();
+  const ProcessStatus* status = heard.OfPid(processes_.at(name)->pid());
+  return status == nullptr ? ProcessStatus() : *status;
+}
+
+bool DeploymentTest::WaitUntil(const std::string& name, const std::function<bool(const ProcessStatus&)>& condition) {
+  return watch().WaitUntil(
+      [&](const StatusWatch::Heard& heard) {
+        const ProcessStatus* status = heard.OfPid(processes_.at(name)->pid());
+        return status != nullptr && condition(*status);
+      },
+      kProcessDeadline);
+}
+
 void DeploymentTest::Kill(const std::string& role) {
   processes_.at(role)->Send(SIGKILL);
   EXPECT_EQ(WaitForEnd(processes_.at(role).get()).code, 128 + SIGKILL);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <map>
 #include <memory>
 #include <string>
@@ -15,6 +16,17 @@ class DeploymentTest : public ProcessTest {
   /// Starts atlas_server, backend_mapper, loop_closer and frontend_tracker, all into Out().
   void StartAll(const std::vector<std::string>& frontend_arguments);
   void StartRole(const std::string& role, const std::vector<std::string>& arguments = {});
+  /// A second process of the role, which stands by; its name is "standby/ROLE", its results are in StandbyOut().
+  void StartStandby(const std::string& role, const std::vector<std::string>& arguments = {});
+  std::string StandbyOut() const { return folder_.Path("standby"); }
+  /// `portolan` in this test's domain.
+  Ended Tool(const std::vector<std::string>& arguments);
+  /// Waits for the end of a process, by role or name.
+  Ended WaitFor(const std::string& name) { return WaitForEnd(processes_.at(name).get()); }
+  /// What it told of itself last; empty if it has not yet.
+  ProcessStatus StatusOf(const std::string& name);
+  /// Waits for a process to say something of itself. @return whether it came.
+  bool WaitUntil(const std::string& name, const std::function<bool(const ProcessStatus&)>& condition);
   /// As by the kernel: without a word to anybody.
   void Kill(const std::string& role);
   /// Ends a process as the user would. @return its exit code and output.

@@ -9,10 +9,20 @@ const ProcessStatus* StatusWatch::Heard::Of(const std::string& role) const {
   return process == last_of_role.end() ? nullptr : &processes.at(process->second);
 }
 
+const ProcessStatus* StatusWatch::Heard::OfPid(pid_t pid) const {
+  for (const auto& [id, status] : processes) {
+    if (static_cast<pid_t>(status.pid) == pid) return &status;
+  }
+  return nullptr;
+}
+
 double StatusWatch::Heard::Figure(const std::string& role, const std::string& name) const {
   const ProcessStatus* status = Of(role);
-  if (status == nullptr) return 0;
-  for (const auto& [figure, value] : status->figures) {
+  return status == nullptr ? 0 : FigureOf(*status, name);
+}
+
+double FigureOf(const ProcessStatus& status, const std::string& name) {
+  for (const auto& [figure, value] : status.figures) {
     if (figure == name) return value;
   }
   return 0;

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <sys/types.h>
+
 #include <chrono>
 #include <condition_variable>
 #include <functional>
@@ -22,6 +24,8 @@ class StatusWatch {
     std::optional<TrackerState> tracker;           ///< the last
     /// The last status of the process of this role that was heard of last; null if none.
     const ProcessStatus* Of(const std::string& role) const;
+    /// Of one process; null if it has told nothing.
+    const ProcessStatus* OfPid(pid_t pid) const;
     /// A figure of that status; 0 if there is none.
     double Figure(const std::string& role, const std::string& name) const;
     /// Whether the tracker has come to this frame.
@@ -43,6 +47,9 @@ class StatusWatch {
   std::unique_ptr<Bus> bus_;
   std::unique_ptr<Reader> status_reader_, tracker_reader_;  // last: stop before what they write to goes
 };
+
+/// A figure of a status; 0 if there is none.
+double FigureOf(const ProcessStatus& status, const std::string& name);
 
 /// The bus options of a participant beside the processes of robot 0.
 BusOptions TestBusOptions(DdsVendor vendor, int domain);

@@ -17,12 +17,6 @@ enum : int { kOk = 0, kUsage = 2, kUnreachable = 3, kRefused = 4 };  // docs/too
 
 class ToolTest : public DeploymentTest {
  protected:
-  /// `portolan` in this test's domain.
-  Ended Tool(const std::vector<std::string>& arguments) {
-    std::vector<std::string> command = {Program("portolan"), "--domain", std::to_string(domain_)};
-    command.insert(command.end(), arguments.begin(), arguments.end());
-    return RunToEnd(command);
-  }
   void StartAtlas() {
     const size_t before = watch().heard().processes.size();
     StartRole("atlas_server");
@@ -66,6 +60,8 @@ TEST_F(ToolTest, UsageIsToldBeforeAnybodyIsAsked) {
                                              {"fuse", "1"},
                                              {"export", "1"},
                                              {"localize-only", "maybe"},
+                                             {"swap"},
+                                             {"swap", "frontend_tracker"},
                                              {"maps", "--timeout", "0"},
                                              {"maps", "--domain", "231"},
                                              {"maps", "--dds", "opendds"},
