@@ -18,8 +18,10 @@ double StatusWatch::Heard::Figure(const std::string& role, const std::string& na
   return 0;
 }
 
-StatusWatch::StatusWatch(DdsVendor vendor, int domain) {
-  auto bus = MakeBus(TestBusOptions(vendor, domain));
+StatusWatch::StatusWatch(DdsVendor vendor, int domain) : StatusWatch(TestBusOptions(vendor, domain)) {}
+
+StatusWatch::StatusWatch(const BusOptions& options) {
+  auto bus = MakeBus(options);
   PORTOLAN_CHECK(bus.ok()) << bus.error().message;
   bus_ = std::move(bus).value();
   status_reader_ = bus_->CreateReader<ProcessStatus>([this](ProcessStatus status) {
