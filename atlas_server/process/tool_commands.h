@@ -16,6 +16,8 @@ struct ToolArguments {
   bool json = false;           ///< status, maps, graph
   bool names = false;          ///< maps: for the shell's completion
   bool watch = false;          ///< status
+  std::string listen;          ///< metrics: port, or address and port
+  std::string metrics_file;    ///< metrics: file to write
   bool there = false;          ///< load: the file is on the atlas_server's machine
 };
 
@@ -25,6 +27,8 @@ struct ToolArguments {
 Status ShowStatus(ToolSession* session, const ToolArguments& arguments);
 Status ShowMaps(ToolSession* session, const ToolArguments& arguments);
 Status ShowGraph(ToolSession* session, const ToolArguments& arguments);
+/// Tells the figures of all processes to Prometheus, until the tool is ended.
+Status ServeMetrics(ToolSession* session, const ToolArguments& arguments);
 Status ExportMap(ToolSession* session, const ToolArguments& arguments);
 Status LoadMaps(ToolSession* session, const ToolArguments& arguments);
 /// Requests that name nothing but a robot, or nothing at all.
