@@ -106,9 +106,7 @@ TEST_P(BusSecurityTest, ATopicWithoutPermissionGetsNoWriterAndNoReader) {
   const RawTopic delta{Topic<MapDeltaChunk>::kName, Topic<MapDeltaChunk>::kType, false, Topic<MapDeltaChunk>::Qos()};
   const RawTopic request{Topic<SnapshotRequest>::kName, Topic<SnapshotRequest>::kType, false,
                          Topic<SnapshotRequest>::Qos()};
-  const auto writer = (*tracker)->CreateWriter(delta);
-  ASSERT_FALSE(writer.ok());
-  EXPECT_THAT(writer.error().message, HasSubstr("map_delta"));
+  EXPECT_FALSE((*tracker)->CreateWriter(delta).ok());
   const auto ignore = [](const uint8_t*, size_t) {};
   EXPECT_TRUE((*tracker)->CreateReader(delta, {ignore, nullptr, nullptr}).ok());
   EXPECT_TRUE((*tracker)->CreateWriter(request).ok());
@@ -141,27 +139,30 @@ class StrangerTest : public BusSecurityTest {
   void ExpectApart(const BusOptions& stranger_options) {
     const auto stranger = MakeTestBus(stranger_options);
     const auto tracker = Join("frontend_tracker"), mapper = Join("backend_mapper");
-    Inbox<MapDeltaChunk> by_tracker, by_stranger;
+    Inbox<MapperState> by_tracker;
+    Inbox<MapDeltaChunk> by_stranger;
     const auto tracker_reader =
-        tracker->CreateReader<MapDeltaChunk>([&](MapDeltaChunk chunk) { by_tracker.Put(std::move(chunk)); });
+        tracker->CreateReader<MapperState>([&](MapperState state) { by_tracker.Put(std::move(state)); });
     const auto stranger_reader =
         stranger->CreateReader<MapDeltaChunk>([&](MapDeltaChunk chunk) { by_stranger.Put(std::move(chunk)); });
-    const auto stranger_writer = stranger->CreateWriter<MapDeltaChunk>();
-    const auto mapper_writer = mapper->CreateWriter<MapDeltaChunk>();
-    const MapDeltaChunk true_chunk = RandomDelta(3, &random_), false_chunk = RandomDelta(5, &random_);
+    const auto stranger_writer = stranger->CreateWriter<MapperState>();
+    const auto state_writer = mapper->CreateWriter<MapperState>();
+    const auto delta_writer = mapper->CreateWriter<MapDeltaChunk>();
+    const MapperState true_state = RandomMapperState(&random_), false_state = RandomMapperState(&random_);
+    const MapDeltaChunk chunk = RandomDelta(3, &random_);
     // From the true one's arrival on the stranger has had his chance to be discovered, and the same again.
     for (size_t received : {1, 20}) {
       const auto deadline = std::chrono::steady_clock::now() + kTestDeadline;
       while (!by_tracker.WaitFor(received, std::chrono::milliseconds(50)) &&
              std::chrono::steady_clock::now() < deadline) {
-        stranger_writer->Write(false_chunk);
-        mapper_writer->Write(true_chunk);
+        stranger_writer->Write(false_state);
+        state_writer->Write(true_state);
+        delta_writer->Write(chunk);
       }
     }
     const auto heard = by_tracker.values();
     ASSERT_GE(heard.size(), 20u);
-    for (const MapDeltaChunk& chunk : heard)
-      EXPECT_TRUE(EncodeSample(ToWire(chunk)) == EncodeSample(ToWire(true_chunk)));
+    for (const MapperState& state : heard) EXPECT_TRUE(EncodeSample(ToWire(state)) == EncodeSample(ToWire(true_state)));
     EXPECT_TRUE(by_stranger.values().empty());
     EXPECT_EQ(stranger_writer->MatchedReaders(), 0);
     EXPECT_EQ(stranger_reader->MatchedWriters(), 0);
