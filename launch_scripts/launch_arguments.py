@@ -64,6 +64,7 @@ def make_parser():
     add("--atlas", metavar="FILE", help="go on with a saved atlas (an atlas.db of an earlier run); without, one in OUT is set aside as atlas.db.before")
     add("--domain", type=int, help="DDS domain (default: a free one if all four start here, else the configuration's)")
     add("--peers", metavar="A,B", help="addresses of the other machines, where multicast does not reach")
+    add("--security", metavar="DIR", help="keys that make_keys.py made: DDS Security is on, for processes of one vendor")
     add("--log-level", choices=LOG_LEVELS)
     add("--bin", type=pathlib.Path, metavar="DIR", help="folder of the programs (default: install/bin)")
     return parser
@@ -96,6 +97,17 @@ def check_data(data):
 def check_file(option, path):
     if path is not None and not (os.path.isfile(path) and os.access(path, os.R_OK)):
         fail(f"{option} {path}: no such file, or it can't be read")
+
+
+def check_security(options):
+    if options.security is None:
+        return
+    for role in options.roles:
+        if not os.path.isdir(os.path.join(options.security, role.role)):
+            fail(f"--security {options.security}: holds no keys of {role.role}; make_keys.py makes them")
+    vendors = {getattr(options, f"dds_{role.option}") or options.dds for role in options.roles}
+    if len(vendors - {None}) > 1:
+        fail("--security: processes of different DDS vendors can't be secured together; see docs/security.md")
 
 
 def check_robots(options):
@@ -177,6 +189,7 @@ def parse(arguments):
     if options.standby and any(role.role == FRONTEND for role in options.roles):
         fail("--standby: the frontend can't stand by; name other roles with --roles")
     check_robots(options)
+    check_security(options)
     check_file("--camera", options.camera)
     check_file("--config", options.config)
     check_file("--atlas", options.atlas)
@@ -221,6 +234,7 @@ def command_of(role, options, folder="", robot=None, data=None):
     add("--robot", robot)
     add("--domain", options.domain)
     add("--dds", getattr(options, f"dds_{role.option}") or options.dds)
+    add("--security", None if options.security is None else os.path.abspath(options.security))
     add("--log-level", options.log_level)
     if options.standby:
         command.append("--standby")

@@ -318,6 +318,32 @@ class RobotsTest(RunTest):
         self.assertIn("robot_1/frontend_tracker failed (code 2)", errors)
 
 
+class SecurityTest(RunTest):
+    def setUp(self):
+        super().setUp()
+        self.keys = self.folder / "keys"
+        for role in (*BACK_ENDS, "frontend_tracker"):
+            (self.keys / role).mkdir(parents=True)
+
+    def test_every_process_is_given_the_keys(self):
+        code, errors = self.run_to_end("--security", str(self.keys))
+        self.assertEqual(code, 0, errors)
+        for role in (*BACK_ENDS, "frontend_tracker"):
+            arguments = self.arguments_of(role)
+            self.assertEqual(arguments[arguments.index("--security") + 1], str(self.keys))
+
+    def test_mixed_vendors_are_refused(self):
+        code, errors = self.run_to_end("--security", str(self.keys), "--dds", "fastdds", "--dds-loop", "cyclonedds")
+        self.assertEqual(code, launch_arguments.EXIT_USAGE)
+        self.assertIn("different DDS vendors", errors)
+
+    def test_keys_that_are_missing_are_named(self):
+        (self.keys / "backend_mapper").rmdir()
+        code, errors = self.run_to_end("--security", str(self.keys))
+        self.assertEqual(code, launch_arguments.EXIT_USAGE)
+        self.assertIn("holds no keys of backend_mapper", errors)
+
+
 class AtlasTest(RunTest):
     def test_saved_atlas_goes_to_the_atlas_server_alone(self):
         saved = self.folder / "atlas.db"

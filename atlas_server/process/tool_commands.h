@@ -17,6 +17,8 @@ struct ToolArguments {
   bool json = false;           ///< status, maps, graph, swap
   bool names = false;          ///< maps: for the shell's completion
   bool watch = false;          ///< status
+  std::string listen;          ///< metrics: port, or address and port
+  std::string metrics_file;    ///< metrics: file to write
   bool there = false;          ///< load: the file is on the atlas_server's machine
 };
 
@@ -26,6 +28,8 @@ struct ToolArguments {
 Status ShowStatus(ToolSession* session, const ToolArguments& arguments);
 Status ShowMaps(ToolSession* session, const ToolArguments& arguments);
 Status ShowGraph(ToolSession* session, const ToolArguments& arguments);
+/// Tells the figures of all processes to Prometheus, until the tool is ended.
+Status ServeMetrics(ToolSession* session, const ToolArguments& arguments);
 Status ExportMap(ToolSession* session, const ToolArguments& arguments);
 Status LoadMaps(ToolSession* session, const ToolArguments& arguments);
 Status SwapProcess(ToolSession* session, const ToolArguments& arguments);

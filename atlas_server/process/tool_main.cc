@@ -42,6 +42,7 @@ void AddCommonOptions(CLI::App* app, ToolOptions* options) {
   flag_for("--domain", "dds.domain", "DDS domain, 0 to 230 (default: $PORTOLAN_DOMAIN, or 0)")
       ->envname("PORTOLAN_DOMAIN");
   flag_for("--dds", "dds.vendor", "fastdds or cyclonedds (default fastdds)");
+  flag_for("--security", "dds.security.folder", "folder of make_keys.py's keys: DDS Security is on");
   flag_for("--partition", "dds.partition", "of robots that share an atlas_server (default robot_N)");
   app->add_option_function<std::string>(
       "--robot",
@@ -83,6 +84,10 @@ void AddViews(CLI::App* app, ToolOptions* options) {
   graph->add_flag("--json", arguments.json, "as the atlas_server answers");
   graph->add_option("--dot", arguments.dot, "write it for Graphviz into this file");
   graph->add_option("--svg", arguments.picture, "draw it into this .svg or .png");
+  auto* metrics = AddCommand(app, options, "metrics", "serve all figures to Prometheus", ServeMetrics);
+  metrics->add_option("--listen", arguments.listen, "PORT or ADDRESS:PORT (default 127.0.0.1:9470, without --file)");
+  metrics->add_option("--file", arguments.metrics_file,
+                      "write them into this file, for node_exporter's textfile collector");
 }
 
 void AddFileCommands(CLI::App* app, ToolOptions* options) {
@@ -165,7 +170,7 @@ int Main(int argc, char** argv) {
     return app.exit(error) == 0 ? kExitOk : kExitBadInput;
   }
   ProcessOptions shared;
-  shared.role = "portolan";
+  shared.role = "tool";
   if (Status read = ReadShared(options, &shared); !read) return Complain(kExitBadInput, read.error().message);
   LogOptions log;
   log.level = options.log_level;

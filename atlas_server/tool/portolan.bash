@@ -5,7 +5,7 @@ _portolan_maps() {
   local options=() i
   for ((i = 1; i < COMP_CWORD; ++i)); do
     case ${COMP_WORDS[i]} in
-      --domain|--dds|--partition|--robot|--config|--set) options+=("${COMP_WORDS[i]}" "${COMP_WORDS[i + 1]}") ;;
+      --domain|--dds|--security|--partition|--robot|--config|--set) options+=("${COMP_WORDS[i]}" "${COMP_WORDS[i + 1]}") ;;
     esac
   done
   portolan maps --names --timeout 1 "${options[@]}" 2>/dev/null
@@ -14,22 +14,23 @@ _portolan_maps() {
 
 _portolan() {
   local current=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD - 1]} command='' i
-  local common='--config --set --domain --dds --partition --robot --timeout --log-level --help'
-  local commands='status maps graph save load export activate fuse delete new-map global-ba pause resume localize-only swap'
+  local common='--config --set --domain --dds --security --partition --robot --timeout --log-level --help'
+  local commands='status metrics maps graph save load export activate fuse delete new-map global-ba pause resume localize-only swap'
   for ((i = 1; i < COMP_CWORD; ++i)); do
     case " $commands " in *" ${COMP_WORDS[i]} "*) command=${COMP_WORDS[i]}; break ;; esac
   done
   COMPREPLY=()
   case $before in
     --dds) mapfile -t COMPREPLY < <(compgen -W 'fastdds cyclonedds' -- "$current"); return ;;
-    --config|--dot|--svg|--ply|--tum|--map) mapfile -t COMPREPLY < <(compgen -f -- "$current"); return ;;
-    --set|--domain|--partition|--robot|--timeout) return ;;
+    --config|--security|--file|--dot|--svg|--ply|--tum|--map) mapfile -t COMPREPLY < <(compgen -f -- "$current"); return ;;
+    --set|--domain|--partition|--robot|--timeout|--listen) return ;;
     --log-level) mapfile -t COMPREPLY < <(compgen -W 'trace debug info warn error off' -- "$current"); return ;;
   esac
   local words=$common
   case $command in
     '') words="$commands $common --version" ;;
     status) words="--json --watch $common" ;;
+    metrics) words="--listen --file $common" ;;
     maps) words="--json --names $common" ;;
     graph) words="--json --dot --svg $common" ;;
     load) [[ $current == -* ]] && words="--there $common" || { mapfile -t COMPREPLY < <(compgen -f -- "$current"); return; } ;;

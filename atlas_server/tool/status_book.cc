@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <iterator>
 #include <tuple>
 
 #include "tool/text_columns.h"
@@ -85,6 +86,14 @@ void StatusBook::Hear(const ProcessStatus& status, double now_s) {
   entry.status = status;
   entry.heard_s = now_s;
   ++entry.heard;
+  for (auto other = entries_.begin(); other != entries_.end();)
+    other = now_s - other->second.heard_s > kForgottenS ? entries_.erase(other) : std::next(other);
+}
+
+std::vector<StatusBook::Heard> StatusBook::Processes(double now_s) const {
+  std::vector<Heard> processes;
+  for (const Entry* entry : Sorted()) processes.push_back({entry->status, now_s - entry->heard_s});
+  return processes;
 }
 
 const ProcessStatus* StatusBook::Find(const std::string& role) const {

@@ -27,8 +27,18 @@ class StatusBook {
   /// rates}]
   nlohmann::json ToJson(double now_s) const;
 
+  /// A process that was heard of.
+  struct Heard {
+    ProcessStatus status;  ///< the last
+    double silent_s = 0;
+  };
+  /// In the order of Format().
+  std::vector<Heard> Processes(double now_s) const;
+
   /// A process publishes its status each second.
   static constexpr double kSilentS = 3.0;
+  /// One that was silent for so long is gone for good: a book that is kept for days forgets it.
+  static constexpr double kForgottenS = 600.0;
 
  private:
   struct Entry {

@@ -7,6 +7,11 @@
 #include <vector>
 
 namespace portolan {
+namespace {
+
+constexpr const char* kPattern = "%H:%M:%S.%e %^%L%$ [%n] %v";
+
+}  // namespace
 
 Status SetUpLog(const LogOptions& options) {
   const spdlog::level::level_enum level = spdlog::level::from_str(options.level);
@@ -15,17 +20,19 @@ Status SetUpLog(const LogOptions& options) {
   }
   std::vector<spdlog::sink_ptr> sinks{std::make_shared<spdlog::sinks::stderr_color_sink_mt>()};
   if (!options.file.empty()) {
-    constexpr size_t kFileBytes = 10u << 20;
-    constexpr size_t kFiles = 3;
+    const size_t bytes = static_cast<size_t>(options.file_mb) << 20;
+    const size_t files = static_cast<size_t>(options.files);
     try {
-      sinks.push_back(std::make_shared<spdlog::sinks::rotating_file_sink_mt>(options.file, kFileBytes, kFiles));
+      sinks.push_back(std::make_shared<spdlog::sinks::rotating_file_sink_mt>(options.file, bytes, files));
     } catch (const spdlog::spdlog_ex& failure) {
       return Error{"log file '" + options.file + "': " + failure.what()};
     }
   }
+  for (const spdlog::sink_ptr& sink : sinks) sink->set_pattern(kPattern);
+  // A file outlives the day.
+  if (!options.file.empty()) sinks.back()->set_pattern(std::string("%Y-%m-%d ") + kPattern);
   auto logger = std::make_shared<spdlog::logger>(options.process, sinks.begin(), sinks.end());
   logger->set_level(level);
-  logger->set_pattern("%H:%M:%S.%e %^%L%$ [%n] %v");
   logger->flush_on(spdlog::level::info);
   spdlog::set_default_logger(std::move(logger));
   return Ok{};

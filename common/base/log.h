@@ -12,7 +12,9 @@ namespace portolan {
 struct LogOptions {
   std::string process = "portolan";  ///< name in front of every line
   std::string level = "info";        ///< trace, debug, info, warn, error
-  std::string file;                  ///< also written there when not empty (10 MB, three rotations)
+  std::string file;                  ///< also written there when not empty
+  int file_mb = 10;                  ///< size at which NAME.log becomes NAME.1.log, that one NAME.2.log and so on
+  int files = 3;                     ///< kept of those; 0: the file is emptied and begun again
 };
 
 /// Sets up the process's log: standard error, and a rotating file if one is named. Fails on an unknown level or a file that

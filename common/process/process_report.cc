@@ -1,6 +1,11 @@
 #include "process/process_report.h"
 
 #include <sys/resource.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <iterator>
 
 #include "base/atomic_file.h"
 #include "version/version.h"
@@ -11,7 +16,16 @@ ResourceUse MeasureResources() {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
   const auto seconds = [](const timeval& t) { return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec); };
-  return {static_cast<double>(usage.ru_maxrss) * 1024e-6, seconds(usage.ru_utime) + seconds(usage.ru_stime)};
+  long pages = 0, resident_pages = 0;
+  std::ifstream("/proc/self/statm") >> pages >> resident_pages;
+  std::error_code none;
+  const auto files = std::distance(std::filesystem::directory_iterator("/proc/self/fd", none), {});
+  ResourceUse use;
+  use.peak_memory_mb = static_cast<double>(usage.ru_maxrss) * 1024e-6;
+  use.resident_bytes = static_cast<double>(resident_pages) * static_cast<double>(getpagesize());
+  use.open_files = static_cast<double>(files - 1);  // less the one that counting takes
+  use.cpu_s = seconds(usage.ru_utime) + seconds(usage.ru_stime);
+  return use;
 }
 
 nlohmann::json SummarizeTimes(const std::vector<double>& milliseconds) {

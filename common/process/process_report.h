@@ -14,7 +14,9 @@ namespace portolan {
 /// What the operating system says of this process.
 struct ResourceUse {
   double peak_memory_mb = 0;  ///< largest resident set, 1e6 bytes
-  double cpu_s = 0;           ///< user and system time
+  double resident_bytes = 0;  ///< resident set now
+  double open_files = 0;      ///< descriptors
+  double cpu_s = 0;           ///< user and system time of all threads
 };
 ResourceUse MeasureResources();
 

@@ -22,6 +22,15 @@ TEST(ProcessReport, SummarizesTimesByMedianAndNinetyFifthPercentile) {
   EXPECT_EQ(summary["count"], 101);
 }
 
+TEST(ProcessReport, ResourcesAreThoseOfThisProcess) {
+  const ResourceUse before = MeasureResources();
+  EXPECT_GT(before.resident_bytes, 1e6);
+  EXPECT_LE(before.resident_bytes, before.peak_memory_mb * 1e6 + 1e6);  // the kernel counts the two at different times
+  EXPECT_GE(before.open_files, 3);
+  const std::ifstream one("/proc/self/stat"), another("/proc/self/stat");
+  EXPECT_EQ(MeasureResources().open_files, before.open_files + 2);
+}
+
 TEST(ProcessReport, SummaryOfNothingIsZero) {
   const nlohmann::json summary = SummarizeTimes({});
   EXPECT_DOUBLE_EQ(summary["median"], 0);

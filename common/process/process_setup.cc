@@ -36,11 +36,11 @@ Result<ConfigReader> ReadConfig(const std::string& file, const std::vector<std::
   return config;
 }
 
-Status MakeOutFolders(const std::string& out) {
-  if (out.empty()) return Ok{};
+Status MakeFolder(const std::string& folder, const std::string& what) {
+  if (folder.empty()) return Ok{};
   std::error_code error;
-  std::filesystem::create_directories(out + "/logs", error);
-  if (error) return Error{"output folder '" + out + "/logs': " + error.message()};
+  std::filesystem::create_directories(folder, error);
+  if (error) return Error{what + " '" + folder + "': " + error.message()};
   return Ok{};
 }
 
@@ -51,8 +51,12 @@ Status ReadProcessOptions(ConfigReader* config, ProcessOptions* options) {
   config->Read("robot", &robot, {0, 65535});
   options->robot = static_cast<RobotId>(robot);
   config->Read("out", &options->out);
+  if (!options->out.empty()) options->log_folder = options->out + "/logs";
   config->Read("vocabulary.file", &options->vocabulary_file);
   config->Read("log.level", &options->log.level);
+  config->Read("log.folder", &options->log_folder);
+  config->Read("log.file_mb", &options->log.file_mb, {1, 10000});
+  config->Read("log.files", &options->log.files, {0, 1000});
   std::string vendor = ToString(options->bus.vendor);
   config->ReadChoice("dds.vendor", &vendor, {"fastdds", "cyclonedds"});
   if (const Result<DdsVendor> parsed = ParseDdsVendor(vendor)) options->bus.vendor = *parsed;
@@ -62,6 +66,9 @@ Status ReadProcessOptions(ConfigReader* config, ProcessOptions* options) {
   config->Read("dds.image_topic", &options->bus.image_topic);
   options->bus.partition = "robot_" + std::to_string(options->robot);
   config->Read("dds.partition", &options->bus.partition);
+  std::string keys;
+  config->Read("dds.security.folder", &keys);
+  if (!keys.empty()) options->bus.credentials_folder = keys + "/" + options->role;
   for (const auto& [role, nice] : kDefaultNice) {
     PriorityOptions priority;
     priority.nice = nice;
@@ -96,6 +103,7 @@ ProcessSetup ProcessSetup::Make(const std::string& role, const std::string& desc
   flag_for("--robot", "robot", "number of the robot, 0 to 65535 (default 0)");
   flag_for("--dds", "dds.vendor", "fastdds or cyclonedds (default fastdds)");
   flag_for("--domain", "dds.domain", "DDS domain, 0 to 230 (default 0)");
+  flag_for("--security", "dds.security.folder", "folder of make_keys.py's keys: DDS Security is on");
   flag_for("--out", "out", "folder for results and logs");
   flag_for("--log-level", "log.level", "trace, debug, info, warn, error or off");
   if (role != "frontend_tracker") {  // the camera is but one
@@ -117,10 +125,11 @@ ProcessSetup ProcessSetup::Make(const std::string& role, const std::string& desc
   }
   Status status = read_options(&*config);
   if (Status common = ReadProcessOptions(&*config, &setup.options); !common) status = common;
-  if (status) status = MakeOutFolders(setup.options.out);
+  if (status) status = MakeFolder(setup.options.out, "output folder");
+  if (status) status = MakeFolder(setup.options.log_folder, "folder of logs");
   if (status) {
     setup.options.log.process = role;
-    if (!setup.options.out.empty()) setup.options.log.file = setup.options.out + "/logs/" + role + ".log";
+    if (!setup.options.log_folder.empty()) setup.options.log.file = setup.options.log_folder + "/" + role + ".log";
     status = SetUpLog(setup.options.log);
   }
   if (!status) {

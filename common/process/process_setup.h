@@ -26,12 +26,13 @@ enum ExitCode {
 
 /// What every process is started with: one YAML file for the whole run, single values from the command line over it, defaults in code.
 struct ProcessOptions {
-  std::string role;             ///< frontend_tracker, backend_mapper, loop_closer, atlas_server
+  std::string role;             ///< frontend_tracker, backend_mapper, loop_closer, atlas_server; or tool
   RobotId robot = 0;
   BusOptions bus;
   PriorityOptions priority;
   LogOptions log;
   std::string out;              ///< folder for results and logs; empty: none are written
+  std::string log_folder;       ///< of ROLE.log; empty: there is none
   std::string vocabulary_file;  ///< empty: the default vocabulary
   bool standby = false;         ///< follows, and waits to take the place of another process of its role; not of a frontend_tracker
 };

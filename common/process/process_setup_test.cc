@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <fstream>
 
 #include "dataset/temp_folder.h"
@@ -47,6 +48,33 @@ TEST(ProcessSetup, FlagsAndSetAreTheSame) {
     EXPECT_EQ(setup->options.robot, 3);
     EXPECT_EQ(setup->options.bus.partition, "robot_3");
   }
+}
+
+TEST(ProcessSetup, LogsGoToTheirFolderAndRotateAsConfigured) {
+  const TempFolder folder;
+  const ProcessSetup by_out = Make({"--out", folder.Path("out")});
+  EXPECT_EQ(by_out.options.log.file, folder.Path("out") + "/logs/backend_mapper.log");
+  const std::string logs = folder.Path("var/log");
+  const ProcessSetup setup = Make({"--out", folder.Path("out"), "--set", "log.folder=" + logs, "--set", "log.file_mb=1", "--set", "log.files=2"});
+  ASSERT_FALSE(setup.exit_code);
+  ::testing::internal::CaptureStderr();
+  for (int i = 0; i < 5000; ++i) spdlog::info("{:1000}", i);  // 5 MB
+  static_cast<void>(::testing::internal::GetCapturedStderr());
+  const std::string file = logs + "/backend_mapper.log";
+  for (const char* rotated : {"", "1", "2"}) {
+    const std::string path = *rotated == '\0' ? file : logs + "/backend_mapper." + rotated + ".log";
+    ASSERT_TRUE(std::filesystem::exists(path)) << path;
+    EXPECT_LE(std::filesystem::file_size(path), 1u << 20) << path;
+  }
+  EXPECT_FALSE(std::filesystem::exists(logs + "/backend_mapper.3.log"));
+  for (const char* bad : {"log.file_mb=0", "log.files=-1"})
+    EXPECT_THAT(Complaint({"--set", bad}), HasSubstr(std::string(bad).substr(0, std::string(bad).find('='))));
+  EXPECT_THAT(Complaint({"--set", "log.folder=/proc/no/such"}), HasSubstr("folder of logs '/proc/no/such'"));
+}
+
+TEST(ProcessSetup, SecurityTakesTheRolesOwnFolder) {
+  const std::string complaint = Complaint({"--security", "/no/such/keys"});
+  EXPECT_THAT(complaint, HasSubstr("dds.security: /no/such/keys/backend_mapper: no such folder"));
 }
 
 TEST(ProcessSetup, PrioritiesFollowThePapersOrder) {

@@ -2,8 +2,11 @@
 
 #include <malloc.h>
 
+#include <ctime>
 #include <opencv2/core/utility.hpp>
 #include <utility>
+
+#include "transport/credentials.h"
 
 namespace portolan {
 namespace {
@@ -34,6 +37,18 @@ Status FindWords(const std::string& path, ProcessStart::Words words, ProcessStar
   return Ok{};
 }
 
+/// A certificate that ends while nobody looks stops the next start.
+void TellSecurity(const BusOptions& options) {
+  if (options.credentials_folder.empty()) return;
+  const std::time_t now_s = std::time(nullptr);
+  const auto credentials = Credentials::Open(options.credentials_folder, now_s);
+  if (!credentials) return;  // since the bus was made
+  constexpr int64_t kDayS = 86400, kWarnDays = 14;
+  const int64_t days = (credentials->expires_s - now_s) / kDayS;
+  spdlog::log(days < kWarnDays ? spdlog::level::warn : spdlog::level::info,
+              "DDS Security is on: {}, for {} more days", credentials->subject, days);
+}
+
 }  // namespace
 
 ProcessStart ProcessStart::Make(const ProcessSetup& setup, Words words) {
@@ -59,6 +74,7 @@ ProcessStart ProcessStart::Make(const ProcessSetup& setup, Words words) {
     return start;
   }
   start.bus = std::move(*bus);
+  TellSecurity(options.bus);
   return start;
 }
 

@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include "process/process_report.h"
 #include "version/version.h"
 
 namespace portolan {
@@ -32,6 +33,10 @@ void StatusPublisher::Publish(const std::string& state, MapId map, Epoch epoch, 
     sum.send_failures += counters.send_failures;
     sum.lost += counters.lost;
   }
+  const ResourceUse resources = MeasureResources();
+  figures.emplace_back("resident_bytes", resources.resident_bytes);
+  figures.emplace_back("open_files", resources.open_files);
+  figures.emplace_back("cpu_s", resources.cpu_s);
   figures.emplace_back("malformed", static_cast<double>(sum.malformed));
   figures.emplace_back("send_failures", static_cast<double>(sum.send_failures));
   figures.emplace_back("lost", static_cast<double>(sum.lost));

@@ -37,6 +37,7 @@ struct Arguments {
   SourceOptions source;
   std::string speed = "1", vendor = "fastdds";
   BusOptions bus;
+  std::string keys;
   double wait_s = 30;
   bool compressed = false;
   bool quiet = false;
@@ -50,6 +51,7 @@ void AddOptions(CLI::App* app, Arguments* arguments) {
   app->add_option("--domain", arguments->bus.domain, "DDS domain, 0 to 230")->capture_default_str();
   app->add_option("--topic", arguments->bus.image_topic, "as on the wire: ROS 2's /camera/image is rt/camera/image")
       ->capture_default_str();
+  app->add_option("--security", arguments->keys, "folder of make_keys.py's keys: DDS Security is on");
   app->add_option("--first-frame", arguments->source.first_frame, "frames before it are passed over")
       ->capture_default_str();
   app->add_option("--max-frames", arguments->source.max_frames, "0: all")->capture_default_str();
@@ -127,6 +129,7 @@ int Run(Arguments* arguments) {
   const Result<DdsVendor> vendor = ParseDdsVendor(arguments->vendor);
   if (!vendor) return Complain("--dds: " + vendor.error().message, kExitUsage);
   arguments->bus.vendor = *vendor;
+  if (!arguments->keys.empty()) arguments->bus.credentials_folder = arguments->keys + "/camera";
   if (Status checked = arguments->bus.Check(); !checked) return Complain(checked.error().message, kExitUsage);
   const Result<PlaybackOptions> playback = ParseSpeed(arguments->speed);
   if (!playback) return Complain("--speed: " + playback.error().message, kExitUsage);

@@ -32,17 +32,7 @@ Result<std::unique_ptr<Bus>> MakeBus(const BusOptions& options) {
 #define PORTOLAN_INSTANTIATE_TOPIC(T)                         \
   template std::unique_ptr<Writer<T>> Bus::CreateWriter<T>(); \
   template std::unique_ptr<Reader> Bus::CreateReader<T>(std::function<void(T)>, std::function<void(int)>);
-PORTOLAN_INSTANTIATE_TOPIC(KeyFrameMessage)
-PORTOLAN_INSTANTIATE_TOPIC(MapDeltaChunk)
-PORTOLAN_INSTANTIATE_TOPIC(SnapshotRequest)
-PORTOLAN_INSTANTIATE_TOPIC(MapCorrection)
-PORTOLAN_INSTANTIATE_TOPIC(Command)
-PORTOLAN_INSTANTIATE_TOPIC(Request)
-PORTOLAN_INSTANTIATE_TOPIC(Reply)
-PORTOLAN_INSTANTIATE_TOPIC(TrackerState)
-PORTOLAN_INSTANTIATE_TOPIC(MapperState)
-PORTOLAN_INSTANTIATE_TOPIC(FollowerState)
-PORTOLAN_INSTANTIATE_TOPIC(ProcessStatus)
+PORTOLAN_FOR_EACH_TOPIC(PORTOLAN_INSTANTIATE_TOPIC)
 #undef PORTOLAN_INSTANTIATE_TOPIC
 
 }  // namespace portolan

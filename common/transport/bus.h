@@ -28,7 +28,9 @@ struct BusOptions {
   bool small_datagrams = false;       ///< datagrams under one MTU: for lossy links (design/dds.md)
   std::string image_topic =
       "rt/image";  ///< as ROS 2 names it on the wire; compressed images on it + "/compressed"; in no partition
-  /// Ranges and characters of each field; the message names the key.
+  /// Folder of the credentials with which the participant joins (credentials.h); empty: DDS Security is off.
+  std::string credentials_folder;
+  /// Ranges and characters of each field, and that the credentials hold now; the message names the key.
   Status Check() const;
 };
 

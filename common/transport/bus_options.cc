@@ -2,6 +2,7 @@
 #include <netdb.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cstring>
 
 #include "transport/raw_bus.h"
@@ -35,6 +36,17 @@ Result<std::string> ResolvePeer(const std::string& host) {
   return std::string(text);
 }
 
+Result<std::optional<Credentials>> OpenCredentials(const BusOptions& options) {
+  if (options.credentials_folder.empty()) return std::optional<Credentials>();
+  const auto now = std::chrono::system_clock::now().time_since_epoch();
+  const int64_t now_s = std::chrono::duration_cast<std::chrono::seconds>(now).count();
+  Result<Credentials> credentials = Credentials::Open(options.credentials_folder, now_s);
+  if (!credentials.ok()) return credentials.error();
+  if (Status permitted = credentials->CheckPermitted(options.domain, options.partition); !permitted.ok())
+    return permitted.error();
+  return std::optional<Credentials>(*credentials);
+}
+
 }  // namespace
 
 Result<DdsVendor> ParseDdsVendor(const std::string& name) {
@@ -62,19 +74,29 @@ Status BusOptions::Check() const {
   if (image_topic.empty() || !OnlyHas(image_topic, "_/")) {
     return Error{"dds.image_topic is '" + image_topic + "', a name as rt/camera/image_raw expected"};
   }
-  return Ok{};
+  if (small_datagrams && !credentials_folder.empty() && vendor == DdsVendor::kFastDds) {
+    return Error{
+        "dds.small_datagrams and dds.security don't go together on Fast DDS, whose handshake does not fit into "
+        "such datagrams: cyclonedds expected, or a link that carries larger ones"};
+  }
+  const Result<std::optional<Credentials>> credentials = OpenCredentials(*this);
+  return credentials ? Status(Ok{}) : Status(credentials.error());
 }
 
 Result<std::unique_ptr<RawBus>> MakeRawBus(const BusOptions& options) {
   const Status checked = options.Check();
   if (!checked.ok()) return checked.error();
-  std::vector<std::string> peers;
+  BusSurroundings surroundings;
   for (const std::string& peer : options.peers) {
     Result<std::string> address = ResolvePeer(peer);
     if (!address.ok()) return address.error();
-    peers.push_back(*address);
+    surroundings.peers.push_back(*address);
   }
-  return options.vendor == DdsVendor::kFastDds ? MakeFastDdsBus(options, peers) : MakeCycloneDdsBus(options, peers);
+  Result<std::optional<Credentials>> credentials = OpenCredentials(options);
+  if (!credentials.ok()) return credentials.error();
+  surroundings.credentials = *credentials;
+  return options.vendor == DdsVendor::kFastDds ? MakeFastDdsBus(options, surroundings)
+                                               : MakeCycloneDdsBus(options, surroundings);
 }
 
 }  // namespace portolan

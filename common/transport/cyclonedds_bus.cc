@@ -31,12 +31,14 @@ class CycloneDdsBus final : public RawBus {
     if (participant_ > 0) dds_delete(participant_);
   }
 
-  Status Join(const BusOptions& options, const std::vector<std::string>& peers) {
+  Status Join(const BusOptions& options, const BusSurroundings& surroundings) {
     const char* user_uri = std::getenv("CYCLONEDDS_URI");
-    const Status joined =
-        domain_.Join(options.domain, CycloneDdsConfig(options, peers, user_uri == nullptr ? "" : user_uri));
+    const Status joined = domain_.Join(
+        options.domain, CycloneDdsConfig(options, surroundings.peers, user_uri == nullptr ? "" : user_uri));
     if (!joined.ok()) return joined;
-    participant_ = dds_create_participant(static_cast<dds_domainid_t>(options.domain), nullptr, nullptr);
+    const Result<CycloneDdsQos> qos = MakeCycloneDdsParticipantQos(surroundings.credentials);
+    if (!qos.ok()) return qos.error();
+    participant_ = dds_create_participant(static_cast<dds_domainid_t>(options.domain), qos->get(), nullptr);
     if (participant_ < 0) {
       return Error{"Cyclone DDS made no participant in domain " + std::to_string(options.domain) + ": " +
                    dds_strretcode(participant_)};
@@ -90,9 +92,9 @@ class CycloneDdsBus final : public RawBus {
 
 }  // namespace
 
-Result<std::unique_ptr<RawBus>> MakeCycloneDdsBus(const BusOptions& options, const std::vector<std::string>& peers) {
+Result<std::unique_ptr<RawBus>> MakeCycloneDdsBus(const BusOptions& options, const BusSurroundings& surroundings) {
   auto bus = std::make_unique<CycloneDdsBus>();
-  const Status joined = bus->Join(options, peers);
+  const Status joined = bus->Join(options, surroundings);
   if (!joined.ok()) return joined.error();
   return std::unique_ptr<RawBus>(std::move(bus));
 }

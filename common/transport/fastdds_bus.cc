@@ -32,14 +32,14 @@ class FastDdsBus final : public RawBus {
     dds::DomainParticipantFactory::get_instance()->delete_participant(participant_);
   }
 
-  Status Join(const BusOptions& options, const std::vector<std::string>& peers) {
+  Status Join(const BusOptions& options, const BusSurroundings& surroundings) {
     // Two buses in one process (tests) talk through the wire like any others; a process has one otherwise.
     eprosima::fastrtps::LibrarySettingsAttributes settings;
     settings.intraprocess_delivery = eprosima::fastrtps::INTRAPROCESS_OFF;
     eprosima::fastrtps::xmlparser::XMLProfileManager::library_settings(settings);
 
     participant_ = dds::DomainParticipantFactory::get_instance()->create_participant(
-        static_cast<dds::DomainId_t>(options.domain), FastDdsParticipantQos(options, peers));
+        static_cast<dds::DomainId_t>(options.domain), FastDdsParticipantQos(options, surroundings));
     if (participant_ == nullptr) {
       return Error{"Fast DDS made no participant in domain " + std::to_string(options.domain) + " (its log says why)"};
     }
@@ -92,9 +92,9 @@ class FastDdsBus final : public RawBus {
 
 }  // namespace
 
-Result<std::unique_ptr<RawBus>> MakeFastDdsBus(const BusOptions& options, const std::vector<std::string>& peers) {
+Result<std::unique_ptr<RawBus>> MakeFastDdsBus(const BusOptions& options, const BusSurroundings& surroundings) {
   auto bus = std::make_unique<FastDdsBus>();
-  const Status joined = bus->Join(options, peers);
+  const Status joined = bus->Join(options, surroundings);
   if (!joined.ok()) return joined.error();
   return std::unique_ptr<RawBus>(std::move(bus));
 }

@@ -3,9 +3,9 @@
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 #include <fastrtps/utils/IPLocator.h>
 
+#include <map>
 #include <memory>
-
-#include "transport/raw_bus.h"
+#include <string>
 
 namespace portolan {
 namespace {
@@ -50,13 +50,31 @@ void SetCommon(const TopicQos& qos, EndpointQos* endpoint) {
   endpoint->data_sharing().off();
 }
 
+/// DDS Security's built-in plugins, with the properties of DDS-SECURITY 1.1, Sec. 9.
+void SetSecurity(const Credentials& credentials, dds::DomainParticipantQos* qos) {
+  const std::string authentication = "dds.sec.auth.builtin.PKI-DH.";
+  const std::string access = "dds.sec.access.builtin.Access-Permissions.";
+  for (const auto& [name, value] : std::map<std::string, std::string>{
+           {"dds.sec.auth.plugin", "builtin.PKI-DH"},
+           {"dds.sec.access.plugin", "builtin.Access-Permissions"},
+           {"dds.sec.crypto.plugin", "builtin.AES-GCM-GMAC"},
+           {authentication + "identity_ca", "file://" + credentials.identity_ca},
+           {authentication + "identity_certificate", "file://" + credentials.certificate},
+           {authentication + "private_key", "file://" + credentials.private_key},
+           {access + "permissions_ca", "file://" + credentials.permissions_ca},
+           {access + "governance", "file://" + credentials.governance},
+           {access + "permissions", "file://" + credentials.permissions}}) {
+    qos->properties().properties().emplace_back(name, value);
+  }
+}
+
 }  // namespace
 
 eprosima::fastrtps::Duration_t FastDdsDuration(double seconds) {
   return eprosima::fastrtps::Duration_t(static_cast<long double>(seconds));
 }
 
-dds::DomainParticipantQos FastDdsParticipantQos(const BusOptions& options, const std::vector<std::string>& peers) {
+dds::DomainParticipantQos FastDdsParticipantQos(const BusOptions& options, const BusSurroundings& surroundings) {
   dds::DomainParticipantQos qos;
   qos.name("portolan");
   // UDP alone: the default shared-memory segment is too small for keyframes and slow for what exceeds it.
@@ -73,13 +91,14 @@ dds::DomainParticipantQos FastDdsParticipantQos(const BusOptions& options, const
   builtin.discovery_config.leaseDuration_announcementperiod = FastDdsDuration(kAnnouncementPeriodS);
   builtin.discovery_config.initial_announcements.count = kInitialAnnouncements;
   builtin.discovery_config.initial_announcements.period = FastDdsDuration(kInitialAnnouncementPeriodS);
-  for (const std::string& peer : peers) {
+  for (const std::string& peer : surroundings.peers) {
     rtps::Locator_t locator;
     rtps::IPLocator::setIPv4(locator, peer);
     builtin.initialPeersList.push_back(locator);
   }
-  if (!peers.empty())
+  if (!surroundings.peers.empty())
     builtin.metatrafficUnicastLocatorList.push_back(rtps::Locator_t());  // any address, and no multicast
+  if (surroundings.credentials) SetSecurity(*surroundings.credentials, &qos);
   return qos;
 }
 

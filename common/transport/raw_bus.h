@@ -3,11 +3,13 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "base/result.h"
 #include "transport/bus.h"
+#include "transport/credentials.h"
 #include "transport/topic_qos.h"
 
 namespace portolan {
@@ -49,11 +51,15 @@ class RawBus {
   virtual Result<std::unique_ptr<Reader>> CreateReader(const RawTopic& topic, RawReaderEvents events) = 0;
 };
 
-/// @param peers numeric IPv4 addresses in place of options.peers.
-Result<std::unique_ptr<RawBus>> MakeFastDdsBus(const BusOptions& options, const std::vector<std::string>& peers);
-Result<std::unique_ptr<RawBus>> MakeCycloneDdsBus(const BusOptions& options, const std::vector<std::string>& peers);
+/// What of the options had to be looked up.
+struct BusSurroundings {
+  std::vector<std::string> peers;          ///< numeric IPv4 addresses in place of options.peers
+  std::optional<Credentials> credentials;  ///< in place of options.credentials_folder; none: DDS Security is off
+};
+Result<std::unique_ptr<RawBus>> MakeFastDdsBus(const BusOptions& options, const BusSurroundings& surroundings);
+Result<std::unique_ptr<RawBus>> MakeCycloneDdsBus(const BusOptions& options, const BusSurroundings& surroundings);
 
-/// Checks the options, resolves the peers and joins with the vendor asked for.
+/// Checks the options, resolves the peers, reads the credentials and joins with the vendor asked for.
 Result<std::unique_ptr<RawBus>> MakeRawBus(const BusOptions& options);
 
 /// Key of a serialised sample of a keyed topic, big-endian as in a key hash; zeros for a sample too short to have one.

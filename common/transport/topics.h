@@ -7,10 +7,12 @@
 #include "messages/image_messages.h"
 #include "messages/keyframe_messages.h"
 #include "messages/status_messages.h"
+#include "transport/topic_access.h"
 #include "transport/topic_qos.h"
 
 // All topics of Portolan: name, type on the wire, key, who writes and reads, quality of service. Domain types are on
-// the left: Topic<KeyFrameMessage>.
+// the left: Topic<KeyFrameMessage>. A process that takes up another topic has to stand in its kAccess: where DDS
+// Security is on, it gets no endpoint otherwise.
 
 namespace portolan {
 
@@ -51,6 +53,8 @@ struct Topic<KeyFrameMessage> {
   static constexpr const char* kName = "keyframe";
   static constexpr const char* kType = "portolan::wire_v1::KeyFrame";
   static constexpr bool kKeyed = false;
+  static constexpr TopicAccess kAccess = {kRoleTracker | kRoleMapper | kRoleAtlas,
+                                          kRoleTracker | kRoleMapper | kRoleLoop | kRoleAtlas | kRoleTool};
   static constexpr TopicQos Qos() { return Reliable(256, kPromptBlockingMs); }  // 20 MB, at 2000 features each
 };
 
@@ -61,6 +65,8 @@ struct Topic<MapDeltaChunk> {
   static constexpr const char* kName = "map_delta";
   static constexpr const char* kType = "portolan::wire_v1::MapDelta";
   static constexpr bool kKeyed = false;
+  static constexpr TopicAccess kAccess = {kRoleMapper | kRoleAtlas,
+                                          kRoleTracker | kRoleMapper | kRoleLoop | kRoleAtlas | kRoleTool};
   static constexpr TopicQos Qos() { return Reliable(1024, kPatientBlockingMs); }  // a snapshot of 8 million elements
 };
 
@@ -72,6 +78,8 @@ struct Topic<SnapshotRequest> {
   static constexpr const char* kName = "map_request";
   static constexpr const char* kType = "portolan::wire_v1::SnapshotRequest";
   static constexpr bool kKeyed = false;
+  static constexpr TopicAccess kAccess = {kRoleTracker | kRoleMapper | kRoleLoop | kRoleAtlas | kRoleTool,
+                                          kRoleMapper | kRoleAtlas};
   static constexpr TopicQos Qos() { return Reliable(64, kPromptBlockingMs); }  // one a second from each process
 };
 
@@ -82,6 +90,7 @@ struct Topic<MapCorrection> {
   static constexpr const char* kName = "correction";
   static constexpr const char* kType = "portolan::wire_v1::MapCorrection";
   static constexpr bool kKeyed = false;
+  static constexpr TopicAccess kAccess = {kRoleLoop | kRoleAtlas, kRoleMapper};
   static constexpr TopicQos Qos() { return Reliable(16, kPatientBlockingMs); }  // rare, each up to the size of the map
 };
 
@@ -93,6 +102,7 @@ struct Topic<Command> {
   static constexpr const char* kName = "command";
   static constexpr const char* kType = "portolan::wire_v1::Command";
   static constexpr bool kKeyed = false;
+  static constexpr TopicAccess kAccess = {kRoleAtlas, kRoleTracker | kRoleMapper | kRoleLoop};
   static constexpr TopicQos Qos() {
     TopicQos qos = Reliable(256, kPatientBlockingMs);
     qos.keep_all = false;
@@ -109,6 +119,7 @@ struct Topic<Request> {
   static constexpr const char* kName = "request";
   static constexpr const char* kType = "portolan::wire_v1::Request";
   static constexpr bool kKeyed = false;
+  static constexpr TopicAccess kAccess = {kRoleTracker | kRoleMapper | kRoleTool, kRoleAtlas};
   static constexpr TopicQos Qos() { return Reliable(256, kPromptBlockingMs); }
 };
 
@@ -119,6 +130,7 @@ struct Topic<Reply> {
   static constexpr const char* kName = "reply";
   static constexpr const char* kType = "portolan::wire_v1::Reply";
   static constexpr bool kKeyed = false;
+  static constexpr TopicAccess kAccess = {kRoleAtlas, kRoleTracker | kRoleMapper | kRoleTool};
   static constexpr TopicQos Qos() { return Reliable(256, kPatientBlockingMs); }
 };
 
@@ -129,6 +141,7 @@ struct Topic<TrackerState> {
   static constexpr const char* kName = "tracker_state";
   static constexpr const char* kType = "portolan::wire_v1::TrackerState";
   static constexpr bool kKeyed = false;
+  static constexpr TopicAccess kAccess = {kRoleTracker, kRoleMapper | kRoleLoop | kRoleTool};
   static constexpr TopicQos Qos() { return BestEffort(1); }
 };
 
@@ -140,6 +153,7 @@ struct Topic<MapperState> {
   static constexpr const char* kName = "mapper_state";
   static constexpr const char* kType = "portolan::wire_v1::MapperState";
   static constexpr bool kKeyed = false;
+  static constexpr TopicAccess kAccess = {kRoleMapper, kRoleTracker | kRoleLoop | kRoleAtlas};
   static constexpr TopicQos Qos() { return Reliable(1024, kPatientBlockingMs); }
 };
 
@@ -151,6 +165,7 @@ struct Topic<FollowerState> {
   static constexpr const char* kName = "follower_state";
   static constexpr const char* kType = "portolan::wire_v1::FollowerState";
   static constexpr bool kKeyed = false;
+  static constexpr TopicAccess kAccess = {kRoleLoop | kRoleAtlas, kRoleTracker};
   static constexpr TopicQos Qos() { return Reliable(1024, kPatientBlockingMs); }
 };
 
@@ -162,6 +177,8 @@ struct Topic<ProcessStatus> {
   static constexpr const char* kName = "process_status";
   static constexpr const char* kType = "portolan::wire_v1::ProcessStatus";
   static constexpr bool kKeyed = true;
+  static constexpr TopicAccess kAccess = {kRoleTracker | kRoleMapper | kRoleLoop | kRoleAtlas,
+                                          kRoleTracker | kRoleLoop | kRoleAtlas | kRoleTool};
   static constexpr TopicQos Qos() {
     TopicQos qos;
     qos.transient_local = true;
@@ -179,6 +196,7 @@ struct Topic<Image> {
   using Wire = sensor_msgs::msg::dds_::Image_;
   static constexpr const char* kType = "sensor_msgs::msg::dds_::Image_";
   static constexpr bool kKeyed = false;
+  static constexpr TopicAccess kAccess = {kRoleCamera, kRoleTracker};
   static constexpr TopicQos Qos() {
     TopicQos qos = BestEffort(5);  // as ROS 2's sensor data profile
     qos.in_partition = false;
@@ -193,5 +211,19 @@ struct Topic<CompressedImage> : Topic<Image> {
   static constexpr const char* kSuffix = "/compressed";
   static constexpr const char* kType = "sensor_msgs::msg::dds_::CompressedImage_";
 };
+
+/// All topics but the images, which have a name that is configured and a writer and reader of their own.
+#define PORTOLAN_FOR_EACH_TOPIC(APPLY) \
+  APPLY(KeyFrameMessage)               \
+  APPLY(MapDeltaChunk)                 \
+  APPLY(SnapshotRequest)               \
+  APPLY(MapCorrection)                 \
+  APPLY(Command)                       \
+  APPLY(Request)                       \
+  APPLY(Reply)                         \
+  APPLY(TrackerState)                  \
+  APPLY(MapperState)                   \
+  APPLY(FollowerState)                 \
+  APPLY(ProcessStatus)
 
 }  // namespace portolan

@@ -28,8 +28,10 @@ double FigureOf(const ProcessStatus& status, const std::string& name) {
   return 0;
 }
 
-StatusWatch::StatusWatch(DdsVendor vendor, int domain) {
-  auto bus = MakeBus(TestBusOptions(vendor, domain));
+StatusWatch::StatusWatch(DdsVendor vendor, int domain) : StatusWatch(TestBusOptions(vendor, domain)) {}
+
+StatusWatch::StatusWatch(const BusOptions& options) {
+  auto bus = MakeBus(options);
   PORTOLAN_CHECK(bus.ok()) << bus.error().message;
   bus_ = std::move(bus).value();
   status_reader_ = bus_->CreateReader<ProcessStatus>([this](ProcessStatus status) {

@@ -34,6 +34,7 @@ class StatusWatch {
   };
 
   StatusWatch(DdsVendor vendor, int domain);
+  explicit StatusWatch(const BusOptions& options);
 
   /// @return whether the condition came true before the deadline.
   bool WaitUntil(const std::function<bool(const Heard&)>& condition, std::chrono::milliseconds deadline);
