@@ -107,7 +107,7 @@ class MapperProcess {
   KnownResiduals residuals_;
   IdMinter<RequestId> request_ids_;
   std::optional<Request> registration_;  // until it is answered
-  uint64_t taken_ = 0, refused_ = 0, interrupts_ = 0, foreign_vocabulary_ = 0, early_dropped_ = 0, corrections_ = 0, fusions_ = 0;
+  uint64_t taken_ = 0, refused_ = 0, repeated_ = 0, interrupts_ = 0, foreign_vocabulary_ = 0, early_dropped_ = 0, corrections_ = 0, fusions_ = 0;
   StageTimes process_times_;
   int exit_code_ = kExitOk;
   BackgroundWork background_;

@@ -9,7 +9,6 @@ namespace portolan {
 namespace {
 
 constexpr size_t kPastFrames = 30;          // from which a new map may begin: a second of a fast camera, three of a slow one
-constexpr size_t kMaxUnacknowledged = 512;  // keyframes of maps that nobody writes any more may be among them
 
 }  // namespace
 
@@ -213,7 +212,8 @@ void Tracker::ConsiderKeyFrame(Frame* frame, Output* output) {
   if (options_.localization_only || (IsFull(map) && !beginning_.map().IsValid() && !move_)) return;
   const auto decision = keyframe_policy_.Decide(map, *frame, IsMapperIdle());
   output->state.interrupt_mapper = decision == KeyFramePolicy::Decision::kInterrupt;
-  if (decision != KeyFramePolicy::Decision::kInsert) return;
+  const bool is_kept_for_later = decision == KeyFramePolicy::Decision::kInterrupt && is_mapper_silent_;
+  if (decision != KeyFramePolicy::Decision::kInsert && !is_kept_for_later) return;
   const Stopwatch stopwatch;
   KeyFrameMessage message;
   message.map = active_map_;
@@ -245,7 +245,10 @@ KeyFrameId Tracker::Send(KeyFrameKind kind, Frame* frame, KeyFrameMessage messag
   const KeyFrameId id = frame->data->id;
   maps_.AddKeyFrameData(message.map, frame->data);
   unacknowledged_[id] = message;
-  if (unacknowledged_.size() > kMaxUnacknowledged) unacknowledged_.erase(unacknowledged_.begin());
+  if (unacknowledged_.size() > kMaxUnacknowledged) {  // some may be of maps that nobody writes any more
+    unacknowledged_.erase(unacknowledged_.begin());
+    ++num_given_up_;
+  }
   awaited_keyframe_ = id;
   keyframe_policy_.NoteKeyFrame(frame->stamp);
   ++num_keyframes_sent_;
@@ -340,12 +343,6 @@ void Tracker::MoveWithMap(const Sim3d& new_from_old) {
   last_frame_->camera_from_map = TransformPose(last_frame_->camera_from_map, new_from_old);
   velocity_model_.MoveWithMap(new_from_old);
   ring_.MoveWithMap(active_map_, new_from_old);
-}
-
-std::vector<KeyFrameMessage> Tracker::UnacknowledgedKeyFrames() const {
-  std::vector<KeyFrameMessage> messages;
-  for (const auto& [id, message] : unacknowledged_) messages.push_back(message);
-  return messages;
 }
 
 std::optional<KeyFrameId> Tracker::AwaitedKeyFrame() const { return awaited_keyframe_; }
