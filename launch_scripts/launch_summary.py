@@ -7,7 +7,8 @@ from launch_arguments import FRONTEND
 
 # Figures of the run that the frontend knows; null if it left none.
 FRONTEND_KEYS = ("frames", "tracked", "dropped", "lost", "maps", "keyframes", "points", "links", "unlinked_maps", "switches", "fusions",
-                 "refused_moves", "frames_to_new_map", "frame_ms", "lens_residual")
+                 "refused_moves", "frames_to_new_map", "frame_ms", "lens_residual", "bytes_per_keyframe", "keyframes_sent", "keyframes_sent_again",
+                 "keyframes_unacknowledged", "keyframes_given_up")
 # What the loop_closer found; null if it left no figures.
 LOOP_KEYS = ("loops", "closures", "refusals", "loop_counters")
 # Figures that each process has of its own.

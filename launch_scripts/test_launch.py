@@ -30,7 +30,8 @@ def report(role, **more):
 
 FRONTEND_REPORT = report("frontend_tracker", bytes_sent={"keyframe": 7, "process_status": 5}, frames=10, tracked=9, lost=0, dropped=1, maps=1,
                          keyframes=4, points=200, links=0, unlinked_maps=0, switches=0, fusions=0, refused_moves=0, frames_to_new_map=[9],
-                         frame_ms={"median": 20.0, "p95": 30.0}, lens_residual=[0, 0])
+                         frame_ms={"median": 20.0, "p95": 30.0}, lens_residual=[0, 0], bytes_per_keyframe=7, keyframes_sent=1, keyframes_sent_again=0,
+                         keyframes_unacknowledged=0, keyframes_given_up=0)
 
 LOOP_REPORT = report("loop_closer", loops=1, closures=[{"stamp_ns": 9, "matched_stamp_ns": 2}], refusals=[], loop_counters={"closed": 1})
 

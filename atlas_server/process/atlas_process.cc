@@ -5,6 +5,7 @@
 
 #include "atlas/map_import.h"
 #include "messages/limits.h"
+#include "process/held_bytes.h"
 
 namespace portolan {
 namespace {
@@ -111,7 +112,8 @@ void AtlasProcess::TakeIn(StoredMap map, bool is_stored) {
 void AtlasProcess::ConnectReaders() {
   const auto post = [this](auto handle) {
     return [this, handle](auto message) {
-      loop_->Post([this, handle, message = std::move(message)] { (this->*handle)(message); });
+      const size_t held_bytes = HeldBytes(message);
+      loop_->Post([this, handle, message = std::move(message)] { (this->*handle)(message); }, held_bytes);
     };
   };
   readers_.push_back(bus_->CreateReader<ProcessStatus>(post(&AtlasProcess::OnStatus)));

@@ -31,6 +31,8 @@ constexpr std::pair<const char*, const char*> kRates[] = {{"frames", "frames"},
                                                           {"events_dropped", "events dropped"},
                                                           {"malformed", "malformed"},
                                                           {"lost", "lost"}};
+/// Of bytes, in kB/s.
+constexpr std::pair<const char*, const char*> kByteRates[] = {{"bytes_sent", "sent"}, {"bytes_received", "received"}};
 
 size_t RankOf(const std::string& role) {
   return static_cast<size_t>(std::find(std::begin(kRoles), std::end(kRoles), role) - std::begin(kRoles));
@@ -65,6 +67,10 @@ std::string FormatRates(const std::map<std::string, double>& rates) {
   for (const auto& [name, word] : kRates) {
     const auto rate = rates.find(name);
     if (rate != rates.end() && rate->second >= 0.05) shown.push_back(fmt::format("{:.1f} {}/s", rate->second, word));
+  }
+  for (const auto& [name, word] : kByteRates) {
+    const auto rate = rates.find(name);
+    if (rate != rates.end() && rate->second >= 50) shown.push_back(fmt::format("{:.1f} kB/s {}", 1e-3 * rate->second, word));
   }
   return Join(shown);
 }

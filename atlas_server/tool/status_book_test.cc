@@ -56,6 +56,17 @@ TEST(StatusBookTest, RatesComeFromTheSecondStatusOnAsTheFirstMayBeOld) {
   EXPECT_THAT(book.Format(12.3), Not(HasSubstr("frames/s")));
 }
 
+TEST(StatusBookTest, BytesAreToldInKilobytesASecond) {
+  StatusBook book;
+  ProcessStatus status = MakeStatus("frontend_tracker", 0, 1, 0, 0);
+  for (const double now_s : {10.0, 11.0, 12.0}) {
+    status.figures = {{"bytes_sent", 250e3 * now_s}, {"bytes_received", 10 * now_s}};
+    book.Hear(status, now_s);
+  }
+  EXPECT_THAT(book.Format(12.0), HasSubstr("250.0 kB/s sent"));
+  EXPECT_THAT(book.Format(12.0), Not(HasSubstr("received"))) << "next to nothing";
+}
+
 TEST(StatusBookTest, StatusesInQuickSuccessionMakeNoWildRates) {
   StatusBook book;
   for (const double frames : {100.0, 110.0}) book.Hear(MakeStatus("frontend_tracker", 0, 1, frames, 0), frames / 10);

@@ -48,6 +48,8 @@ class LocalMapper {
   LocalMapper(const MapperOptions& options, Map map, Epoch epoch, IdMinter<MapPointId>* point_ids, Publish publish);
 
   const Map& map() const { return map_; }
+  /// Whether the keyframe is in the map, or was until it was removed as redundant.
+  bool HasHad(KeyFrameId id) const { return map_.FindKeyFrame(id) != nullptr || removed_keyframes_.Follow(id) != id; }
 
   /// Map initialisation from two keyframes (paper Sec. 4.1, second step to last). Publishes the new map, or fails with
   /// the reason and leaves the map empty. The median depth of the first keyframe becomes 1.

@@ -8,7 +8,7 @@
 namespace portolan {
 namespace {
 
-constexpr size_t kMaxEarly = 8;  // keyframes of a map whose grant or snapshot is still on its way; the tracker sends them again
+constexpr size_t kMaxEarly = 64;  // keyframes of a map whose grant or snapshot is still on its way, 6 MB; the tracker sends them again
 constexpr auto kRequestInterval = std::chrono::seconds(1);
 constexpr auto kAnswerPatience = std::chrono::seconds(2);
 

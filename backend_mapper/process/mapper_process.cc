@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "messages/limits.h"
+#include "process/held_bytes.h"
 #include "process/process_report.h"
 
 namespace portolan {
@@ -49,13 +50,18 @@ MapperProcess::~MapperProcess() { readers_.clear(); }
 void MapperProcess::ConnectReaders() {
   readers_.push_back(bus_->CreateReader<KeyFrameMessage>([this](KeyFrameMessage message) {
     if (message.kind == KeyFrameKind::kQuery) return;  // the atlas_server's
-    if (message.kind != KeyFrameKind::kCopy) ++keyframes_waiting_;
+    const int waits = message.kind == KeyFrameKind::kCopy ? 0 : 1;
     const auto received = Clock::now();
-    loop_->Post([this, message = std::move(message), received] {
-      if (message.kind != KeyFrameKind::kCopy) --keyframes_waiting_;
-      process_times_.Add("queue_wait", std::chrono::duration<double, std::milli>(Clock::now() - received).count());
-      OnKeyFrame(message);
-    });
+    const size_t held_bytes = HeldBytes(message);
+    keyframes_waiting_ += waits;
+    const bool is_queued = loop_->Post(
+        [this, message = std::move(message), received, waits] {
+          keyframes_waiting_ -= waits;
+          process_times_.Add("queue_wait", std::chrono::duration<double, std::milli>(Clock::now() - received).count());
+          OnKeyFrame(message);
+        },
+        held_bytes);
+    if (!is_queued) keyframes_waiting_ -= waits;  // the tracker sends it again
   }));
   // The paper's signal "stop the time-consuming map optimization" (Sec. 3.3): beside the queue, or it would wait for what it is to stop.
   readers_.push_back(bus_->CreateReader<TrackerState>([this](TrackerState state) {
@@ -63,7 +69,8 @@ void MapperProcess::ConnectReaders() {
   }));
   const auto post = [this](auto handle) {
     return [this, handle](auto message) {
-      loop_->Post([this, handle, message = std::move(message)] { (this->*handle)(message); });
+      const size_t held_bytes = HeldBytes(message);
+      loop_->Post([this, handle, message = std::move(message)] { (this->*handle)(message); }, held_bytes);
     };
   };
   readers_.push_back(bus_->CreateReader<Command>(post(&MapperProcess::OnCommand)));
@@ -95,6 +102,8 @@ int MapperProcess::Run() {
   }(), *bus_);
   report["keyframes_taken"] = taken_;
   report["keyframes_refused"] = refused_;
+  report["keyframes_repeated"] = repeated_;
+  report["events_dropped"] = loop_->dropped();
   report["interrupts"] = interrupts_;
   report["fusions"] = fusions_;
   if (Status written = WriteReport(setup_.options, report); !written) {
@@ -168,10 +177,12 @@ void MapperProcess::Take(LocalMapper* mapper, const KeyFrameMessage& message) {
   PublishState(false);
   auto data = MakeKeyFrameData(message.data, nullptr);  // mapping asks for no words
   const KeyFrameId id = data->id;
-  const bool known = mapper->map().FindKeyFrame(id) != nullptr;  // sent again: the acknowledgement was lost or is on its way
+  const bool known = mapper->HasHad(id);  // sent again: the acknowledgement was lost or is on its way
   Status taken = known ? Status(Ok{}) : TakeIntoMap(mapper, std::move(data), message);
   if (stop_optimisation_) ++interrupts_;
-  if (taken) {
+  if (known) {
+    ++repeated_;
+  } else if (taken) {
     ++taken_;
   } else {
     ++refused_;
@@ -315,6 +326,7 @@ void MapperProcess::OnStatusTimer() {
                   followed != nullptr ? followed->revision() : state_.revision,
                   {{"keyframes_taken", static_cast<double>(taken_)},
                    {"keyframes_refused", static_cast<double>(refused_)},
+                   {"keyframes_repeated", static_cast<double>(repeated_)},
                    {"keyframes_waiting", static_cast<double>(keyframes_waiting_)},
                    {"early_dropped", static_cast<double>(early_dropped_)},
                    {"foreign_vocabulary", static_cast<double>(foreign_vocabulary_)},

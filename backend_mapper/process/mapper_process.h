@@ -126,7 +126,7 @@ class MapperProcess {
   WarmMaps warm_maps_;        // of the mapper behind which it stands by
   ProcessId draining_;        // this process, or that mapper; none: nobody is
   std::optional<Clock::time_point> drained_since_;  // this process
-  uint64_t taken_ = 0, refused_ = 0, interrupts_ = 0, foreign_vocabulary_ = 0, early_dropped_ = 0, corrections_ = 0, fusions_ = 0;
+  uint64_t taken_ = 0, refused_ = 0, repeated_ = 0, interrupts_ = 0, foreign_vocabulary_ = 0, early_dropped_ = 0, corrections_ = 0, fusions_ = 0;
   StageTimes process_times_;
   int exit_code_ = kExitOk;
   BackgroundWork background_;

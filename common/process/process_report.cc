@@ -42,10 +42,12 @@ nlohmann::json MakeReport(const ProcessOptions& options, const std::string& prio
                            {"cpu_s", resources.cpu_s},
                            {"stages_ms", nlohmann::json::object()},
                            {"bytes_sent", nlohmann::json::object()},
+                           {"bytes_received", nlohmann::json::object()},
                            {"counters", nlohmann::json::object()}};
   for (const auto& [stage, samples] : times.samples()) report["stages_ms"][stage] = SummarizeTimes(samples);
   for (const auto& [topic, counters] : bus.Counters()) {
     if (counters.sent_bytes > 0) report["bytes_sent"][topic] = counters.sent_bytes;
+    if (counters.received_bytes > 0) report["bytes_received"][topic] = counters.received_bytes;
     nlohmann::json& counted = report["counters"][topic];
     counted = {{"sent", counters.sent},           {"received", counters.received},           {"malformed", counters.malformed},
                {"send_failures", counters.send_failures}, {"lost", counters.lost}};

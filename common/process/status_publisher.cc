@@ -29,6 +29,9 @@ void StatusPublisher::Publish(const std::string& state, MapId map, Epoch epoch, 
   status.revision = revision;
   TopicCounters sum;
   for (const auto& [topic, counters] : bus_->Counters()) {
+    sum.sent_bytes += counters.sent_bytes;
+    sum.received_bytes += counters.received_bytes;
+    if (counters.sent_bytes > 0) figures.emplace_back("bytes_sent." + topic, static_cast<double>(counters.sent_bytes));
     sum.malformed += counters.malformed;
     sum.send_failures += counters.send_failures;
     sum.lost += counters.lost;
@@ -37,6 +40,8 @@ void StatusPublisher::Publish(const std::string& state, MapId map, Epoch epoch, 
   figures.emplace_back("resident_bytes", resources.resident_bytes);
   figures.emplace_back("open_files", resources.open_files);
   figures.emplace_back("cpu_s", resources.cpu_s);
+  figures.emplace_back("bytes_sent", static_cast<double>(sum.sent_bytes));
+  figures.emplace_back("bytes_received", static_cast<double>(sum.received_bytes));
   figures.emplace_back("malformed", static_cast<double>(sum.malformed));
   figures.emplace_back("send_failures", static_cast<double>(sum.send_failures));
   figures.emplace_back("lost", static_cast<double>(sum.lost));

@@ -16,7 +16,7 @@ class StatusPublisher {
  public:
   StatusPublisher(Bus* bus, const ProcessSetup& setup, const std::string& priority);
 
-  /// What changes: the state in words, the map it works on, and figures by name. The bus's drops are added.
+  /// What changes: the state in words, the map it works on, and figures by name. The bus's bytes and drops are added.
   void Publish(const std::string& state, MapId map, Epoch epoch, Revision revision, std::vector<std::pair<std::string, double>> figures);
   void AssertLiveliness() { writer_->AssertLiveliness(); }
 

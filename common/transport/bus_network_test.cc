@@ -47,6 +47,13 @@ TEST_P(BusNetworkTest, StaticPeersFindEachOther) {
   ExpectBothWays(first, second);
 }
 
+/// Users name the other machines; processes of one machine have to find each other all the same.
+TEST_P(BusNetworkTest, ThisMachineNeedsNoNaming) {
+  BusOptions first = TestOptions(std::get<0>(GetParam())), second = TestOptions(std::get<1>(GetParam()));
+  first.peers = second.peers = {"192.0.2.1"};  // RFC 5737: nobody's
+  ExpectBothWays(first, second);
+}
+
 std::string PairName(const testing::TestParamInfo<VendorPair>& info) {
   return ToString(std::get<0>(info.param)) + "_to_" + ToString(std::get<1>(info.param));
 }

@@ -14,6 +14,7 @@ namespace {
 constexpr int kMaxDomain = 230;
 constexpr size_t kMaxPartitionBytes = 128;
 constexpr size_t kMaxHostNameBytes = 253;  // RFC 1035
+constexpr const char* kThisHost = "127.0.0.1";
 
 bool OnlyHas(const std::string& text, const char* others) {
   return std::all_of(text.begin(), text.end(), [others](char c) {
@@ -92,6 +93,8 @@ Result<std::unique_ptr<RawBus>> MakeRawBus(const BusOptions& options) {
     if (!address.ok()) return address.error();
     surroundings.peers.push_back(*address);
   }
+  // Processes of this machine don't find each other by multicast any more either, and users name the other machines.
+  if (!surroundings.peers.empty()) surroundings.peers.push_back(kThisHost);
   Result<std::optional<Credentials>> credentials = OpenCredentials(options);
   if (!credentials.ok()) return credentials.error();
   surroundings.credentials = *credentials;

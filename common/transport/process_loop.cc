@@ -15,7 +15,8 @@
 
 namespace portolan {
 
-ProcessLoop::ProcessLoop(size_t capacity) : events_(capacity, Overflow::kDropNewest) {
+ProcessLoop::ProcessLoop(size_t capacity, size_t max_held_bytes)
+    : events_(capacity, Overflow::kDropNewest), max_held_bytes_(max_held_bytes) {
   sigset_t ending;
   sigemptyset(&ending);
   sigaddset(&ending, SIGINT);
@@ -33,9 +34,25 @@ ProcessLoop::~ProcessLoop() {
   close(wake_fd_);
 }
 
-bool ProcessLoop::Post(std::function<void()> event) {
-  if (!events_.Push(std::move(event))) return false;
+bool ProcessLoop::Post(std::function<void()> event, size_t held_bytes) {
+  if (held_bytes_.fetch_add(held_bytes) + held_bytes > max_held_bytes_ && held_bytes > 0) {
+    held_bytes_ -= held_bytes;
+    ++too_large_;
+    return false;
+  }
+  if (!events_.Push({std::move(event), held_bytes})) {
+    held_bytes_ -= held_bytes;
+    return false;
+  }
   Wake();
+  return true;
+}
+
+bool ProcessLoop::RunNextEvent() {
+  const std::optional<Event> event = events_.TryPop();
+  if (!event) return false;
+  event->work();
+  held_bytes_ -= event->held_bytes;
   return true;
 }
 
@@ -55,7 +72,8 @@ int ProcessLoop::Run() {
     RunEvents();
   }
   events_.Close();
-  while (auto event = events_.TryPop()) (*event)();
+  while (RunNextEvent()) {
+  }
   RestoreSignals();
   return signal_;
 }
@@ -93,9 +111,7 @@ void ProcessLoop::Wait() {
 
 /// The events that wait now: those that they post come in the next round, so that timers get their turn.
 void ProcessLoop::RunEvents() {
-  for (size_t waiting = events_.size(); waiting > 0; --waiting) {
-    if (auto event = events_.TryPop()) (*event)();
-  }
+  for (size_t waiting = events_.size(); waiting > 0; --waiting) RunNextEvent();
   if (events_.size() > 0) Wake();
 }
 

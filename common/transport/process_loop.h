@@ -25,14 +25,16 @@ namespace portolan {
 /// they arrive in the loop. During the work after Run() a second signal ends the process at once.
 class ProcessLoop {
  public:
-  /// @param capacity of the queue; an event that finds it full is refused and counted.
-  explicit ProcessLoop(size_t capacity);
+  /// @param capacity of the queue: an event that finds it full is refused and counted.
+  /// @param max_held_bytes what the waiting events may hold together, by their senders' word; the same beyond it.
+  explicit ProcessLoop(size_t capacity, size_t max_held_bytes = kMaxHeldBytes);
   ProcessLoop(const ProcessLoop&) = delete;
   ProcessLoop& operator=(const ProcessLoop&) = delete;
   ~ProcessLoop();
 
-  /// From any thread. @return false when the queue is full or the loop has stopped.
-  bool Post(std::function<void()> event);
+  /// From any thread. @param held_bytes what the event keeps in memory while it waits, where that is much: messages of
+  /// the size of a keyframe. @return false when the queue is full or the loop has stopped.
+  bool Post(std::function<void()> event, size_t held_bytes = 0);
 
   /// Calls `work` every period from the start of Run(); when the loop was busy for longer, once for all periods missed.
   /// Before Run(), or on the loop's thread from events (not from timers).
@@ -44,10 +46,17 @@ class ProcessLoop {
   void Stop();
 
   size_t depth() const { return events_.size(); }
-  uint64_t dropped() const { return events_.dropped(); }
+  uint64_t dropped() const { return events_.dropped() + too_large_; }
+
+  /// Two to three thousand keyframes: more come at once with a snapshot of a larger map alone, and are asked for again.
+  static constexpr size_t kMaxHeldBytes = size_t{256} << 20;
 
  private:
   using Clock = std::chrono::steady_clock;
+  struct Event {
+    std::function<void()> work;
+    size_t held_bytes = 0;
+  };
   struct Timer {
     Clock::duration period;
     Clock::time_point next;
@@ -56,12 +65,16 @@ class ProcessLoop {
 
   void Wake();
   void Wait();
+  bool RunNextEvent();
   void RunEvents();
   void RunTimers();
   void ReadSignal();
   void RestoreSignals();
 
-  BoundedQueue<std::function<void()>> events_;
+  BoundedQueue<Event> events_;
+  const size_t max_held_bytes_;
+  std::atomic<size_t> held_bytes_{0};
+  std::atomic<uint64_t> too_large_{0};  // events refused for what they hold
   std::vector<Timer> timers_;
   std::atomic<bool> stopped_{false};
   int signal_ = 0;

@@ -53,6 +53,24 @@ TEST(ProcessLoopTest, AFullQueueRefusesAndCounts) {
   EXPECT_EQ(loop.dropped(), 1u);
 }
 
+TEST(ProcessLoopTest, WhatWaitsHoldsNoMoreThanItMay) {
+  ProcessLoop loop(100, 1000);
+  int done = 0;
+  EXPECT_TRUE(loop.Post([&] { ++done; }, 600));
+  EXPECT_FALSE(loop.Post([&] { ++done; }, 600));
+  EXPECT_TRUE(loop.Post([&] { ++done; }, 400));
+  EXPECT_FALSE(loop.Post([&] { ++done; }, 1));
+  EXPECT_TRUE(loop.Post([&] { ++done; })) << "small events have room";
+  EXPECT_EQ(loop.dropped(), 2u);
+  // What was done holds nothing any more.
+  loop.Post([&] {
+    EXPECT_TRUE(loop.Post([&] { ++done; }, 1000));
+    loop.Stop();
+  });
+  loop.Run();
+  EXPECT_EQ(done, 4);
+}
+
 TEST(ProcessLoopTest, TimersComeAgainAndAgain) {
   ProcessLoop loop(10);
   int fast = 0, slow = 0;

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "base/hash.h"
+#include "process/held_bytes.h"
 #include "process/process_report.h"
 #include "process/run_output.h"
 
@@ -15,7 +16,8 @@ namespace {
 
 constexpr double kStatusPeriodS = 1.0;
 constexpr double kTickPeriodS = 0.1;
-constexpr auto kResendAfter = std::chrono::seconds(2);           // many times what a mapper takes for a keyframe
+constexpr auto kRequestPatience = std::chrono::seconds(2);
+constexpr auto kMapperPatience = std::chrono::seconds(1);  // for an answer to a keyframe, before the next urgent one is made without it
 constexpr auto kSnapshotRequestInterval = std::chrono::seconds(1);
 constexpr auto kAtlasPatience = std::chrono::seconds(2);  // for an answer that nothing depends on
 constexpr auto kMapPatience = std::chrono::seconds(5);    // of a lockstep run, for a map that the tracker is to go into
@@ -79,7 +81,8 @@ FrontendProcess::~FrontendProcess() {
 
 void FrontendProcess::ConnectReaders() {
   readers_.push_back(bus_->CreateReader<MapDeltaChunk>([this](MapDeltaChunk chunk) {
-    loop_->Post([this, chunk = std::move(chunk)] { OnDeltaChunk(chunk); });
+    const size_t held_bytes = HeldBytes(chunk);
+    loop_->Post([this, chunk = std::move(chunk)] { OnDeltaChunk(chunk); }, held_bytes);
   }));
   readers_.push_back(bus_->CreateReader<MapperState>([this](MapperState state) {
     loop_->Post([this, state = std::move(state)] { OnMapper(state); });
@@ -99,8 +102,9 @@ void FrontendProcess::ConnectReaders() {
     if (message.kind != KeyFrameKind::kCopy || message.vocabulary_hash != vocabulary_->hash()) return;
     if (std::atomic_load(&followed_)->count(message.map) == 0) return;  // for somebody else
     const MapId map = message.map;
+    const size_t held_bytes = HeldBytes(message);
     auto data = MakeKeyFrameData(std::move(message.data), vocabulary_.get());
-    loop_->Post([this, map, data = std::move(data)] { tracker_.AddKeyFrameData(map, data); });
+    loop_->Post([this, map, data = std::move(data)] { tracker_.AddKeyFrameData(map, data); }, held_bytes);
   }));
   readers_.push_back(bus_->CreateReader<Command>([this](Command command) {
     loop_->Post([this, command] { OnCommand(command); });
@@ -110,7 +114,10 @@ void FrontendProcess::ConnectReaders() {
   }));
   readers_.push_back(bus_->CreateReader<ProcessStatus>([this](ProcessStatus status) {
     if (status.process.robot() != setup_.options.robot && status.role != "atlas_server") return;
-    loop_->Post([this, role = status.role] { roles_seen_.insert(role); });
+    loop_->Post([this, role = status.role] {
+      roles_seen_.insert(role);
+      if (role == "backend_mapper") resend_.OnMapperHeard(SecondsNow());
+    });
   }));
 }
 
@@ -201,6 +208,7 @@ void FrontendProcess::NoteFollowedMaps() {
 void FrontendProcess::OnFrame(PlayedFrame frame) {
   frame_in_work_ = true;
   ++frames_;
+  tracker_.SetMapperSilent(tracker_.AwaitedKeyFrame() && Clock::now() - last_send_ > kMapperPatience);
   const Tracker::Output output = tracker_.Track(frame.image);
   process_times_.Add("wait", MillisecondsSince(frame.available) - output.state.frame_ms);
   Publish(output);
@@ -215,9 +223,10 @@ void FrontendProcess::OnFrame(PlayedFrame frame) {
 
 void FrontendProcess::Publish(const Tracker::Output& output) {
   for (const KeyFrameMessage& message : output.keyframes) {
-    if (message.kind != KeyFrameKind::kQuery) published_[message.data.id] = Clock::now();
     keyframe_writer_->Write(message);
-    last_send_ = Clock::now();
+    if (message.kind == KeyFrameKind::kQuery) continue;
+    last_send_ = published_[message.data.id] = Clock::now();
+    resend_.OnSent(message.data.id, SecondsNow());
   }
   requests_.Send(output.requests);
   NoteFollowedMaps();
@@ -228,12 +237,16 @@ void FrontendProcess::Publish(const Tracker::Output& output) {
 }
 
 void FrontendProcess::SendAgain() {
-  requests_.SendAgain(kResendAfter);
-  const auto now = Clock::now();
-  if (!tracker_.AwaitedKeyFrame() || now - last_send_ < kResendAfter) return;
-  spdlog::debug("the mapper has not answered: sending {} keyframes again", tracker_.num_unacknowledged());
-  for (const KeyFrameMessage& message : tracker_.UnacknowledgedKeyFrames()) keyframe_writer_->Write(message);
-  last_send_ = now;
+  requests_.SendAgain(kRequestPatience);
+  if (tracker_.unacknowledged().empty() || keyframe_writer_->MatchedReaders() == 0) return;
+  std::vector<KeyFrameId> ids;
+  for (const auto& [id, message] : tracker_.unacknowledged()) ids.push_back(id);
+  const bool is_delivered = keyframe_writer_->WaitForAcknowledgments(0);
+  const std::vector<KeyFrameId> due = resend_.Take(ids, tracker_.AwaitedKeyFrame(), is_delivered, SecondsNow());
+  if (due.empty()) return;
+  spdlog::debug("sending {} of {} unanswered keyframes again", due.size(), ids.size());
+  for (const KeyFrameId id : due) keyframe_writer_->Write(tracker_.unacknowledged().at(id));
+  sent_again_ += due.size();
 }
 
 void FrontendProcess::AskForSnapshots() {
@@ -268,12 +281,10 @@ void FrontendProcess::OnDeltaChunk(MapDeltaChunk chunk) {
 
 void FrontendProcess::OnMapper(const MapperState& state) {
   if (!tracker_.OnMapperState(state)) return;
-  const bool new_mapper = mapper_.process.IsValid() && mapper_.process != state.process;
+  if (mapper_.process.IsValid() && mapper_.process != state.process) resend_.OnNewMapper();
+  resend_.OnMapperHeard(SecondsNow());
   mapper_ = state;
   if (state.refused_keyframe.IsValid() && state.refused_keyframe == state.last_keyframe) spdlog::debug("mapper refused {}: {}", ToString(state.refused_keyframe), state.refusal);
-  if (new_mapper) {
-    for (const KeyFrameMessage& message : tracker_.UnacknowledgedKeyFrames()) keyframe_writer_->Write(message);
-  }
   ReleasePumpIfReady();
 }
 
@@ -364,7 +375,9 @@ void FrontendProcess::OnStatusTimer() {
                    {"refused_moves", static_cast<double>(events.refusals)},
                    {"events_waiting", static_cast<double>(loop_->depth())},
                    {"events_dropped", static_cast<double>(loop_->dropped())},
-                   {"unacknowledged_keyframes", static_cast<double>(tracker_.num_unacknowledged())}});
+                   {"unacknowledged_keyframes", static_cast<double>(tracker_.unacknowledged().size())},
+                   {"keyframes_sent_again", static_cast<double>(sent_again_)},
+                   {"keyframes_given_up", static_cast<double>(tracker_.num_given_up())}});
 }
 
 void FrontendProcess::ShowProgress(const TrackerState& state) {
@@ -421,6 +434,11 @@ int FrontendProcess::Finish() {
   report["dropped"] = playback.dropped;
   report["unreadable"] = playback.unreadable;
   report["keyframes_sent"] = tracker_.num_keyframes_sent();
+  const TopicCounters keyframes = bus_->Counters()["keyframe"];
+  if (keyframes.sent > 0) report["bytes_per_keyframe"] = keyframes.sent_bytes / keyframes.sent;
+  report["keyframes_sent_again"] = sent_again_;
+  report["keyframes_unacknowledged"] = tracker_.unacknowledged().size();
+  report["keyframes_given_up"] = tracker_.num_given_up();
   AddMapsTo(&report, trajectories);
   const RadialResidual& residual = tracker_.camera().residual;
   report["lens_residual"] = {residual.k1, residual.k2};

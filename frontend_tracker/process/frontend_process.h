@@ -14,6 +14,7 @@
 #include "process/status_publisher.h"
 #include "tracking/follower_watch.h"
 #include "tracking/joined_trajectory.h"
+#include "tracking/keyframe_resend.h"
 #include "tracking/tracker.h"
 #include "transport/process_loop.h"
 
@@ -87,13 +88,14 @@ class FrontendProcess {
   bool paused_ = false;
   OpenRequests requests_;
   std::shared_ptr<const std::set<MapId>> followed_ = std::make_shared<const std::set<MapId>>();  // read by transport threads, by std::atomic_load
-  Clock::time_point last_send_ = Clock::now();
+  Clock::time_point last_send_ = Clock::now();  // of a keyframe, for the first time
+  KeyFrameResend resend_;
   Clock::time_point last_snapshot_request_{};
   Clock::time_point last_progress_{};
   std::optional<Clock::time_point> in_need_since_;
   std::map<KeyFrameId, Clock::time_point> published_;  // to measure a keyframe's way to the replica
   StageTimes process_times_;
-  uint64_t frames_ = 0, tracked_online_ = 0;
+  uint64_t frames_ = 0, tracked_online_ = 0, sent_again_ = 0;
   TrackerState last_state_;
   MapId reported_map_;
   int exit_code_ = kExitOk;

@@ -11,7 +11,6 @@ namespace {
 constexpr size_t kPastFrames = 30;          // from which a new map may begin: a second of a fast camera, three of a slow one
 constexpr double kNearTurn = 0.3;           // rad, of a frame from its prediction: the rest of a fast turn that ESM did not see
 constexpr double kNearShift = 0.3;          // of what the frame sees, in its depths
-constexpr size_t kMaxUnacknowledged = 512;  // keyframes of maps that nobody writes any more may be among them
 
 /// Whether the motion model vouches for a pose, roughly.
 bool IsNear(const Map& map, const Rigid3d& predicted_camera_from_map, const Frame& frame) {
@@ -223,7 +222,8 @@ void Tracker::ConsiderKeyFrame(Frame* frame, Output* output) {
   if (options_.localization_only || (IsFull(map) && !beginning_.map().IsValid() && !move_)) return;
   const auto decision = keyframe_policy_.Decide(map, *frame, IsMapperIdle());
   output->state.interrupt_mapper = decision == KeyFramePolicy::Decision::kInterrupt;
-  if (decision != KeyFramePolicy::Decision::kInsert) return;
+  const bool is_kept_for_later = decision == KeyFramePolicy::Decision::kInterrupt && is_mapper_silent_;
+  if (decision != KeyFramePolicy::Decision::kInsert && !is_kept_for_later) return;
   const Stopwatch stopwatch;
   KeyFrameMessage message;
   message.map = active_map_;
@@ -255,7 +255,10 @@ KeyFrameId Tracker::Send(KeyFrameKind kind, Frame* frame, KeyFrameMessage messag
   const KeyFrameId id = frame->data->id;
   maps_.AddKeyFrameData(message.map, frame->data);
   unacknowledged_[id] = message;
-  if (unacknowledged_.size() > kMaxUnacknowledged) unacknowledged_.erase(unacknowledged_.begin());
+  if (unacknowledged_.size() > kMaxUnacknowledged) {  // some may be of maps that nobody writes any more
+    unacknowledged_.erase(unacknowledged_.begin());
+    ++num_given_up_;
+  }
   awaited_keyframe_ = id;
   keyframe_policy_.NoteKeyFrame(id, frame->stamp);
   ++num_keyframes_sent_;
@@ -350,12 +353,6 @@ void Tracker::MoveWithMap(const Sim3d& new_from_old) {
   last_frame_->camera_from_map = TransformPose(last_frame_->camera_from_map, new_from_old);
   velocity_model_.MoveWithMap(new_from_old);
   ring_.MoveWithMap(active_map_, new_from_old);
-}
-
-std::vector<KeyFrameMessage> Tracker::UnacknowledgedKeyFrames() const {
-  std::vector<KeyFrameMessage> messages;
-  for (const auto& [id, message] : unacknowledged_) messages.push_back(message);
-  return messages;
 }
 
 std::optional<KeyFrameId> Tracker::AwaitedKeyFrame() const { return awaited_keyframe_; }

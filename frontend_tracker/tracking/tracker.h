@@ -76,9 +76,15 @@ class Tracker {
   std::vector<Request> RequestFirstMap();
   Output Track(const Image& image);
 
-  /// Keyframes that no delta has contained yet: to be sent again to a new owner of their map.
-  std::vector<KeyFrameMessage> UnacknowledgedKeyFrames() const;
-  size_t num_unacknowledged() const { return unacknowledged_.size(); }
+  /// Whether the mapper has not answered for so long that it can't be waited for: it is down, or out of reach. Keyframes that are urgent are made all the
+  /// same then, and kept for it.
+  void SetMapperSilent(bool is_silent) { is_mapper_silent_ = is_silent; }
+
+  /// Keyframes that no delta has contained yet: to be sent again to a new owner of their map. The last kMaxUnacknowledged.
+  const std::map<KeyFrameId, KeyFrameMessage>& unacknowledged() const { return unacknowledged_; }
+  static constexpr size_t kMaxUnacknowledged = 512;  ///< 45 MB at 2000 features each
+  /// Keyframes that were more than that, the oldest each time.
+  uint64_t num_given_up() const { return num_given_up_; }
   /// The last keyframe sent, if the mapper has not taken it in (or refused it) yet: what a lockstep run waits for.
   std::optional<KeyFrameId> AwaitedKeyFrame() const;
   /// Replicas that want a snapshot; the map's owner need not be waited for where IsFresh().
@@ -240,7 +246,8 @@ class Tracker {
   };
   std::map<MapId, Owner> owners_;
   std::optional<KeyFrameId> awaited_keyframe_;
-  uint64_t num_keyframes_sent_ = 0;
+  bool is_mapper_silent_ = false;
+  uint64_t num_keyframes_sent_ = 0, num_given_up_ = 0;
 };
 
 }  // namespace portolan

@@ -98,7 +98,7 @@ TEST_F(TrackerTest, ARefusedPairIsForgottenAndAnotherOffered) {
     for (const KeyFrameMessage& message : Show(place).keyframes) refused.push_back(message.data.id);
   }
   ASSERT_THAT(refused, SizeIs(2));
-  EXPECT_THAT(tracker_->UnacknowledgedKeyFrames(), IsEmpty());
+  EXPECT_THAT(tracker_->unacknowledged(), IsEmpty());
   EXPECT_FALSE(tracker_->AwaitedKeyFrame().has_value());
   EXPECT_EQ(tracker_->state(), TrackingState::kInitializing);
   mapper_->refuse_pairs = false;
@@ -113,7 +113,7 @@ TEST_F(TrackerTest, KeyFramesAreKeptUntilADeltaHoldsThem) {
   mapper_->busy = true;
   const int place = Initialize();
   EXPECT_EQ(tracker_->active_map(), map);
-  EXPECT_THAT(tracker_->UnacknowledgedKeyFrames(), IsEmpty());
+  EXPECT_THAT(tracker_->unacknowledged(), IsEmpty());
   // The mapper is busy: a due keyframe is not sent, the mapper is told to stop.
   bool interrupted = false;
   size_t sent = tracker_->num_keyframes_sent();
@@ -129,16 +129,24 @@ TEST_F(TrackerTest, KeyFramesAreKeptUntilADeltaHoldsThem) {
   places_.push_back(next);
   const Tracker::Output output = tracker_->Track({places_.size() - 1, Timestamp::FromSeconds(10), film_->Render(next)});
   ASSERT_THAT(output.keyframes, SizeIs(1));
-  ASSERT_THAT(tracker_->UnacknowledgedKeyFrames(), SizeIs(1));
-  EXPECT_EQ(tracker_->num_unacknowledged(), 1u);
+  ASSERT_THAT(tracker_->unacknowledged(), SizeIs(1));
   EXPECT_EQ(tracker_->AwaitedKeyFrame(), output.keyframes[0].data.id);
   tracker_->OnMapperState(idle);  // says nothing about it
   EXPECT_TRUE(tracker_->AwaitedKeyFrame().has_value());
   mapper_->Answer(output, tracker_.get());
   tracker_->ApplyPending();
-  EXPECT_THAT(tracker_->UnacknowledgedKeyFrames(), IsEmpty());
-  EXPECT_EQ(tracker_->num_unacknowledged(), 0u);
+  EXPECT_THAT(tracker_->unacknowledged(), IsEmpty());
   EXPECT_FALSE(tracker_->AwaitedKeyFrame().has_value());
+}
+
+TEST_F(TrackerTest, AMapperThatDoesNotAnswerIsNotWaitedForWhenItIsUrgent) {
+  mapper_->busy = true;
+  const int place = Initialize();
+  const size_t sent = tracker_->num_keyframes_sent();
+  for (int i = 0; i < 12; ++i) EXPECT_THAT(Show(place + i).keyframes, IsEmpty());
+  tracker_->SetMapperSilent(true);
+  EXPECT_THAT(Show(place + 12).keyframes, SizeIs(1));
+  EXPECT_EQ(tracker_->num_keyframes_sent(), sent + 1);
 }
 
 TEST_F(TrackerTest, TakesInWhatTheCalibrationLeft) {

@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "base/hash.h"
+#include "process/held_bytes.h"
 #include "process/loop_report.h"
 #include "process/process_report.h"
 
@@ -43,7 +44,8 @@ LoopProcess::~LoopProcess() {
 void LoopProcess::ConnectReaders() {
   const auto post = [this](auto handle) {
     return [this, handle](auto message) {
-      loop_->Post([this, handle, message = std::move(message)] { (this->*handle)(message); });
+      const size_t held_bytes = HeldBytes(message);
+      loop_->Post([this, handle, message = std::move(message)] { (this->*handle)(message); }, held_bytes);
     };
   };
   readers_.push_back(bus_->CreateReader<KeyFrameMessage>(post(&LoopProcess::OnKeyFrame)));
