@@ -18,6 +18,7 @@ class PlaybackClock {
   /// The frame of this stamp is due at `now`; all others follow from it.
   void Start(Timestamp first_stamp, TimePoint now);
   bool started() const { return started_; }
+  Timestamp first_stamp() const { return first_stamp_; }
   /// Only after Start().
   TimePoint DueAt(Timestamp stamp) const;
 

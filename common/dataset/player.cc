@@ -63,7 +63,27 @@ PlaybackReport Player::report() const {
   return report_;
 }
 
+std::optional<PlaybackStart> Player::start() const {
+  std::lock_guard<std::mutex> lock(mutex_);
+  if (!clock_.started()) return std::nullopt;
+  return PlaybackStart{clock_.first_stamp(), clock_.DueAt(clock_.first_stamp())};
+}
+
+/// Where another player has been already.
+void Player::PassOver() {
+  if (live_ || !options_.go_on) return;
+  Lock lock(mutex_);
+  changed_.wait(lock, [&] { return stopped_ || consumer_waits_; });
+  if (const auto& start = options_.go_on->start; Paced() && start) {
+    clock_.Start(start->stamp, start->due);
+    play_from_ = std::chrono::steady_clock::now();
+    return;
+  }
+  for (; report_.passed < options_.go_on->frames_played; ++report_.passed) source_->Skip();
+}
+
 void Player::Run() {
+  PassOver();
   for (bool go_on = true; go_on;) {
     if (SkipIfLate()) continue;
     Result<std::optional<Image>> image = source_->Next();
@@ -93,9 +113,10 @@ bool Player::SkipIfLate() {
     std::lock_guard<std::mutex> lock(mutex_);
     if (stopped_ || !clock_.started()) return false;
     const auto allowed = interval_ * static_cast<int>(options_.queue_capacity);
-    if (std::chrono::steady_clock::now() <= clock_.DueAt(*stamp) + allowed) return false;
-    ++report_.dropped;
-    last_stamp_ = *stamp;
+    const bool has_passed = HasPassed(*stamp);
+    if (!has_passed && std::chrono::steady_clock::now() <= clock_.DueAt(*stamp) + allowed) return false;
+    ++(has_passed ? report_.passed : report_.dropped);
+    if (!has_passed) last_stamp_ = *stamp;
   }
   source_->Skip();
   return true;
@@ -111,6 +132,10 @@ void Player::CountUnreadable(const std::string& message) {
 /// Queues a frame at its time. @return false when the player was stopped.
 bool Player::Deliver(Image image) {
   Lock lock(mutex_);
+  if (HasPassed(image.stamp)) {
+    ++report_.passed;
+    return !stopped_;
+  }
   if (options_.mode == PlaybackMode::kRealTime) {
     if (!live_ && !WaitUntilDue(image.stamp, lock)) return false;
     if (queue_.size() >= options_.queue_capacity) {

@@ -22,10 +22,23 @@ enum class PlaybackMode {
   kLockstep,  ///< the same for the player; the consumer waits for the other processes between frames
 };
 
+/// When a real-time playback began: the frame of this stamp was due then.
+struct PlaybackStart {
+  Timestamp stamp;
+  std::chrono::steady_clock::time_point due;
+};
+
 struct PlaybackOptions {
   PlaybackMode mode = PlaybackMode::kRealTime;
   double factor = 1;          ///< of real time: 0.5 is half as fast as recorded
   size_t queue_capacity = 3;  ///< decoded frames that wait: covers a hiccup of the consumer of so many frame intervals
+  /// Goes on with a playback that another player began. In real time, with its start, what was due before the first
+  /// WaitForNext() is passed over; else the first `frames_played` are. No effect on a live source.
+  struct GoOn {
+    std::optional<PlaybackStart> start;
+    uint64_t frames_played = 0;
+  };
+  std::optional<GoOn> go_on{};
 };
 
 /// "max", "lockstep", or a positive factor of real time: the forms of `--speed`. Fails on anything else.
@@ -42,6 +55,7 @@ struct PlaybackReport {
   uint64_t delivered = 0;
   uint64_t dropped = 0;               ///< late: overtaken in the queue, or passed over undecoded
   uint64_t unreadable = 0;            ///< Next() of the source failed
+  uint64_t passed = 0;                ///< PlaybackOptions::go_on: shown by another player, or by none
   std::vector<std::string> messages;  ///< why, of the first kMaxMessages unreadable ones
   static constexpr size_t kMaxMessages = 20;
 };
@@ -68,13 +82,18 @@ class Player {
   std::optional<PlayedFrame> WaitForNext();
   void Stop();
   PlaybackReport report() const;
+  /// When which frame was due first; none before that, or not in real time.
+  std::optional<PlaybackStart> start() const;
   const CameraModel& camera() const { return camera_; }
+  bool IsLive() const { return live_; }
 
  private:
   using Lock = std::unique_lock<std::mutex>;
 
   void Run();
   bool Paced() const { return options_.mode == PlaybackMode::kRealTime && !live_; }
+  void PassOver();
+  bool HasPassed(Timestamp stamp) const { return play_from_ && clock_.DueAt(stamp) < *play_from_; }
   bool SkipIfLate();
   void CountUnreadable(const std::string& message);
   bool Deliver(Image image);
@@ -90,6 +109,7 @@ class Player {
   std::deque<PlayedFrame> queue_;
   PlaybackReport report_;
   PlaybackClock clock_;
+  std::optional<std::chrono::steady_clock::time_point> play_from_;  ///< what was due before it is passed over
   std::optional<Timestamp> last_stamp_;              ///< of the last frame that was queued or passed over
   std::chrono::steady_clock::duration interval_{0};  ///< between two frames, at the playback's speed
   bool consumer_waits_ = false;                      ///< WaitForNext() was called once

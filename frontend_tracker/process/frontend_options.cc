@@ -9,6 +9,7 @@ void ReadSource(ConfigReader* config, FrontendOptions* options) {
   config->Read("source.data", &options->source.data);
   config->Read("source.camera", &options->source.camera_file);
   config->Read("source.speed", &options->speed);
+  config->Read("source.resume", &options->resume);
   config->Read("source.camera_fps", &options->source.camera_fps, {1, 1000});
   int64_t first = 0, most = 0;
   config->Read("source.first_frame", &first, {0, 1'000'000'000});

@@ -15,6 +15,7 @@ struct FrontendOptions {
   std::string speed = "1";        ///< source.speed: a factor of real time, "max" or "lockstep"
   PlaybackOptions playback;       ///< from speed
   TrackerOptions tracker;         ///< sections tracker and orb
+  bool resume = false;            ///< source.resume: go on with the run in OUT, if its frontend died
   double peer_timeout_s = 15;     ///< how long the run waits for mapper and atlas_server at its start, and for the mapper to finish at its end
 };
 

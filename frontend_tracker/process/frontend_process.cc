@@ -55,12 +55,13 @@ double MillisecondsSince(std::chrono::steady_clock::time_point start) {
 }  // namespace
 
 FrontendProcess::FrontendProcess(const ProcessSetup& setup, const FrontendOptions& options, std::unique_ptr<Player> player,
-                                 std::shared_ptr<const Vocabulary> vocabulary, Bus* bus, const std::string& priority, ProcessLoop* loop)
+                                 RunSoFar so_far, std::shared_ptr<const Vocabulary> vocabulary, Bus* bus, const std::string& priority, ProcessLoop* loop)
     : setup_(setup),
       options_(options),
       bus_(bus),
       loop_(loop),
       player_(std::move(player)),
+      so_far_(std::move(so_far)),
       vocabulary_(std::move(vocabulary)),
       priority_(priority),
       tracker_(options.tracker, player_->camera(), vocabulary_, setup.options.robot, setup.session),
@@ -72,7 +73,9 @@ FrontendProcess::FrontendProcess(const ProcessSetup& setup, const FrontendOption
       keyframe_writer_(bus->CreateWriter<KeyFrameMessage>()),
       state_writer_(bus->CreateWriter<TrackerState>()),
       snapshot_writer_(bus->CreateWriter<SnapshotRequest>()),
-      requests_(setup.process, setup.options.robot, setup.session, bus) {}
+      requests_(setup.process, setup.options.robot, setup.session, bus) {
+  tracker_.Resume(so_far_.earlier_frames());
+}
 
 FrontendProcess::~FrontendProcess() {
   readers_.clear();  // before what their handlers use
@@ -208,6 +211,7 @@ void FrontendProcess::NoteFollowedMaps() {
 void FrontendProcess::OnFrame(PlayedFrame frame) {
   frame_in_work_ = true;
   ++frames_;
+  if (player_->IsLive()) frame.image.frame += so_far_.frame_offset();
   tracker_.SetMapperSilent(tracker_.AwaitedKeyFrame() && Clock::now() - last_send_ > kMapperPatience);
   const Tracker::Output output = tracker_.Track(frame.image);
   process_times_.Add("wait", MillisecondsSince(frame.available) - output.state.frame_ms);
@@ -217,6 +221,7 @@ void FrontendProcess::OnFrame(PlayedFrame frame) {
                 output.state.num_candidates, output.keyframes.size(), output.state.frame_ms);
   if (output.state.state == TrackingState::kTracking) ++tracked_online_;
   status_.AssertLiveliness();
+  so_far_.Note(player_->start(), tracker_.TakeChangedFrames());
   ShowProgress(output.state);
   ReleasePumpIfReady();
 }
@@ -304,13 +309,19 @@ bool FrontendProcess::IsWaitingForAtlas() const {
   return false;
 }
 
+/// At the end of a resumed run: whether a map is still to come in which the earlier frontend had tracked frames.
+bool FrontendProcess::IsWaitingForEarlierMaps() const {
+  const auto& frames = so_far_.earlier_frames();
+  return std::any_of(frames.begin(), frames.end(), [&](const FrameRecord& frame) { return tracker_.IsFresh(frame.map); });
+}
+
 bool FrontendProcess::OthersAreDone() const {
   return MapperIsDone() && followers_.AreDone(mapper_.last_keyframe, SecondsNow());
 }
 
 void FrontendProcess::ReleasePumpIfReady() {
   if (phase_ == Phase::kDraining) {
-    if (OthersAreDone()) {  // a loop found with the last frames is in the map too
+    if (OthersAreDone() && !IsWaitingForEarlierMaps()) {  // a loop found with the last frames is in the map too
       phase_ = Phase::kOver;
       loop_->Stop();
     }
@@ -417,7 +428,7 @@ void FrontendProcess::AddMapsTo(nlohmann::json* report, const RunTrajectories& t
 int FrontendProcess::Finish() {
   if (isatty(1)) std::printf("\n");
   tracker_.ApplyPending();
-  tracker_.FinishBackfill();
+  tracker_.FinishHistory();
   const RunTrajectories trajectories = MakeTrajectories(tracker_.history(), tracker_.replicas(), tracker_.links());
   const PlaybackReport playback = player_->report();
   for (const std::string& message : playback.messages) spdlog::warn("{}", message);
@@ -426,7 +437,8 @@ int FrontendProcess::Finish() {
     for (const double sample : samples) times.Add(stage, sample);
   }
   nlohmann::json report = MakeReport(setup_.options, priority_, times, *bus_);
-  const uint64_t frames = playback.delivered + playback.dropped + playback.unreadable;
+  const uint64_t earlier = player_->IsLive() ? so_far_.frame_offset() : playback.passed;
+  const uint64_t frames = earlier + playback.delivered + playback.dropped + playback.unreadable;
   report["frames"] = frames;
   report["tracked"] = trajectories.joined.size();
   report["tracked_online"] = trajectories.online.size();
@@ -447,6 +459,7 @@ int FrontendProcess::Finish() {
   if (setup_.options.out.empty()) return kExitOk;
   Status written = WriteRunOutput(setup_.options.out, trajectories, tracker_.replicas());
   if (written) written = WriteReport(setup_.options, report);
+  if (written && !IsWaitingForEarlierMaps()) so_far_.Close();
   if (written) return kExitOk;
   spdlog::error("{}", written.error().message);
   return kExitFailure;

@@ -11,6 +11,7 @@
 #include "process/frontend_options.h"
 #include "process/open_requests.h"
 #include "process/process_setup.h"
+#include "process/run_so_far.h"
 #include "process/status_publisher.h"
 #include "tracking/follower_watch.h"
 #include "tracking/joined_trajectory.h"
@@ -23,7 +24,7 @@ namespace portolan {
 /// The shell around the tracker: frames from a player, deltas and states from DDS, one owner thread for all of it (ProcessLoop).
 class FrontendProcess {
  public:
-  FrontendProcess(const ProcessSetup& setup, const FrontendOptions& options, std::unique_ptr<Player> player,
+  FrontendProcess(const ProcessSetup& setup, const FrontendOptions& options, std::unique_ptr<Player> player, RunSoFar so_far,
                   std::shared_ptr<const Vocabulary> vocabulary, Bus* bus, const std::string& priority, ProcessLoop* loop);
   ~FrontendProcess();
 
@@ -55,6 +56,7 @@ class FrontendProcess {
   bool OthersAreDone() const;
   bool MapperIsDone() const;
   bool IsWaitingForAtlas() const;
+  bool IsWaitingForEarlierMaps() const;
   std::string StateInWords() const;
   void AddMapsTo(nlohmann::json* report, const RunTrajectories& trajectories) const;
   void ShowProgress(const TrackerState& state);
@@ -65,7 +67,7 @@ class FrontendProcess {
   Bus* bus_;
   ProcessLoop* loop_;
   std::unique_ptr<Player> player_;
-  std::optional<uint64_t> num_frames_;
+  RunSoFar so_far_;
   std::shared_ptr<const Vocabulary> vocabulary_;
   std::string priority_;
   Tracker tracker_;

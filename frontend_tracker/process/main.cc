@@ -15,6 +15,9 @@ int main(int argc, char** argv) {
         flag_for("--data", "source.data", "folder of a data set, video file, /dev/videoN, or 'topic' for the DDS image topic");
         flag_for("--camera", "source.camera", "calibration file (default: found in the data set)");
         flag_for("--speed", "source.speed", "factor of real time, max, or lockstep (default 1)");
+        app->add_flag_callback(
+            "--resume", [assignments] { assignments->emplace_back("source.resume=true"); },
+            "go on with the run in --out if its frontend died: where the clock is, with what was tracked");
       },
       [&](ConfigReader* config) { return ReadFrontendOptions(config, &options); });
   if (setup.exit_code) return *setup.exit_code;
@@ -26,7 +29,14 @@ int main(int argc, char** argv) {
     spdlog::error("{}", source.error().message);
     return kExitBadInput;
   }
-  FrontendProcess process(setup, options, std::make_unique<Player>(std::move(*source), options.playback),
-                          start.vocabulary, start.bus.get(), start.priority, start.loop.get());
+  auto so_far = RunSoFar::Open(setup.options.out, options);
+  if (!so_far) {
+    spdlog::error("{}", so_far.error().message);
+    return kExitBadInput;
+  }
+  PlaybackOptions playback = options.playback;
+  playback.go_on = so_far->GoOn(options.source.first_frame);
+  FrontendProcess process(setup, options, std::make_unique<Player>(std::move(*source), playback), std::move(*so_far), start.vocabulary,
+                          start.bus.get(), start.priority, start.loop.get());
   return process.Run();
 }

@@ -1,6 +1,7 @@
 #include "tracking/frame_history.h"
 
 #include <algorithm>
+#include <iterator>
 #include <utility>
 
 namespace portolan {
@@ -21,6 +22,36 @@ void FrameHistory::Anchor(FrameRecord* record, KeyFrameId anchor, const Rigid3d&
   record->anchor = anchor;
   record->camera_from_anchor = camera_from_anchor;
   by_anchor_[anchor].push_back(record->frame);
+  changed_.insert(record->frame);
+}
+
+void FrameHistory::Restore(const std::vector<FrameRecord>& records) {
+  for (const FrameRecord& record : records) {
+    records_[record.frame] = record;
+    by_anchor_[record.anchor].push_back(record.frame);
+  }
+}
+
+void FrameHistory::HangLooseFrames(const Map& map) {
+  std::vector<uint64_t> loose, held;
+  for (const auto& [number, record] : records_) {
+    if (record.map == map.id()) (map.FindKeyFrame(record.anchor) == nullptr ? loose : held).push_back(number);
+  }
+  if (held.empty()) return;
+  for (const uint64_t number : loose) {
+    const auto after = std::lower_bound(held.begin(), held.end(), number);
+    const bool is_after_nearer =
+        after == held.begin() || (after != held.end() && *after - number < number - *std::prev(after));
+    const FrameRecord& near = records_.at(is_after_nearer ? *after : *std::prev(after));
+    FrameRecord& record = records_.at(number);
+    Anchor(&record, near.anchor, record.online_camera_from_map * near.online_camera_from_map.Inverse() * near.camera_from_anchor);
+  }
+}
+
+std::vector<FrameRecord> FrameHistory::TakeChanged() {
+  std::vector<FrameRecord> changed;
+  for (const uint64_t number : std::exchange(changed_, {})) changed.push_back(records_.at(number));
+  return changed;
 }
 
 void FrameHistory::NoteKeyFrame(uint64_t frame, KeyFrameId keyframe) { own_frame_[keyframe] = frame; }
@@ -63,6 +94,7 @@ void FrameHistory::Fuse(MapId map, MapId other, const Sim3d& map_from_other) {
     record.map = map;
     record.camera_from_anchor.translation *= map_from_other.scale;  // lengths in `map`'s units
     record.online_camera_from_map = TransformPose(record.online_camera_from_map, map_from_other);
+    changed_.insert(number);
   }
   const auto early = removed_early_.find(map);
   if (early == removed_early_.end()) return;

@@ -4,6 +4,7 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <set>
 #include <vector>
 
 #include "base/ids.h"
@@ -43,6 +44,14 @@ class FrameHistory {
   void Fuse(MapId map, MapId other, const Sim3d& map_from_other);
   bool Has(uint64_t frame) const { return records_.count(frame) == 1; }
 
+  /// What an earlier tracker of the run had.
+  void Restore(const std::vector<FrameRecord>& records);
+  /// Frames of the map whose keyframe is not in it any more, removed between two trackers when nobody noted what hung on it, hang on what the nearest
+  /// frame hangs on that has one: by the way between the two as it was tracked.
+  void HangLooseFrames(const Map& map);
+  /// Records that are new or hang elsewhere since the last call.
+  std::vector<FrameRecord> TakeChanged();
+
   /// In order of frame number.
   const std::map<uint64_t, FrameRecord>& records() const { return records_; }
   /// The pose as the map has it now; none if its anchor is gone.
@@ -54,6 +63,7 @@ class FrameHistory {
 
   std::map<uint64_t, FrameRecord> records_;
   std::map<KeyFrameId, std::vector<uint64_t>> by_anchor_;
+  std::set<uint64_t> changed_;                // since the last TakeChanged()
   std::map<KeyFrameId, uint64_t> own_frame_;  // keyframes not in the map yet
   /// Removed from a map while frames still hung on them in the map it took in: told before the fusion itself.
   std::map<MapId, std::vector<MapDelta::RemovedKeyFrame>> removed_early_;

@@ -1,5 +1,7 @@
 #include "tracking/tracker.h"
 
+#include <spdlog/spdlog.h>
+
 #include <algorithm>
 #include <utility>
 
@@ -11,6 +13,7 @@ namespace {
 constexpr size_t kPastFrames = 30;          // from which a new map may begin: a second of a fast camera, three of a slow one
 constexpr double kNearTurn = 0.3;           // rad, of a frame from its prediction: the rest of a fast turn that ESM did not see
 constexpr double kNearShift = 0.3;          // of what the frame sees, in its depths
+constexpr size_t kKeptAcknowledged = 32;    // more than come within the seconds that an atlas_server's copy of the map may be old
 
 /// Whether the motion model vouches for a pose, roughly.
 bool IsNear(const Map& map, const Rigid3d& predicted_camera_from_map, const Frame& frame) {
@@ -289,6 +292,8 @@ void Tracker::NoteOwner(MapId map, Epoch epoch, ProcessId process) {
 }
 
 bool Tracker::OnMapperState(const MapperState& state) {
+  const auto owner = owners_.find(state.map);
+  if (owner != owners_.end() && state.epoch < owner->second.epoch) return false;  // it hung, and does not know yet that it lost the map
   if (!Concerns(state)) return false;
   NoteOwner(state.map, state.epoch, state.process);
   mapper_state_ = state;
@@ -328,7 +333,10 @@ void Tracker::TakeResidual() {
 }
 
 void Tracker::OnApplied(const Map& map, const MapDelta& delta) {
-  for (const MapDelta::KeyFrameState& state : delta.keyframes) unacknowledged_.erase(state.id);
+  for (const MapDelta::KeyFrameState& state : delta.keyframes) Acknowledge(state.id);
+  Epoch& epoch = applied_epochs_[map.id()];
+  if (delta.IsSnapshot() && delta.epoch > epoch) TakeBack(delta);
+  epoch = delta.epoch;
   for (const MapDelta::RemovedKeyFrame& removed : delta.removed_keyframes) {
     if (reference_keyframe_ == removed.id && map.id() == active_map_) reference_keyframe_ = removed.anchor;
   }
@@ -346,6 +354,26 @@ void Tracker::OnApplied(const Map& map, const MapDelta& delta) {
     kept.push_back(landmark);
   }
   reference_ = std::move(kept);
+}
+
+void Tracker::Acknowledge(KeyFrameId id) {
+  const auto found = unacknowledged_.find(id);
+  if (found == unacknowledged_.end()) return;
+  acknowledged_.push_back(std::move(found->second));
+  unacknowledged_.erase(found);
+  if (acknowledged_.size() > kKeptAcknowledged) acknowledged_.pop_front();
+}
+
+/// What the last owner had acknowledged and its successor's map has not: the delta had come here, and to nobody who lives besides.
+void Tracker::TakeBack(const MapDelta& snapshot) {
+  for (const MapDelta::RemovedKeyFrame& removed : snapshot.removed_keyframes) {
+    const auto found = std::find_if(acknowledged_.begin(), acknowledged_.end(), [&](const auto& message) { return message.data.id == removed.id; });
+    if (found == acknowledged_.end()) continue;
+    spdlog::info("the new owner of map {} has not got keyframe {}: it is sent again", ToString(snapshot.map), ToString(removed.id));
+    awaited_keyframe_ = removed.id;
+    unacknowledged_[removed.id] = std::move(*found);
+    acknowledged_.erase(found);
+  }
 }
 
 void Tracker::MoveWithMap(const Sim3d& new_from_old) {

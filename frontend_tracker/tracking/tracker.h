@@ -1,5 +1,6 @@
 #pragma once
 
+#include <deque>
 #include <map>
 #include <memory>
 #include <optional>
@@ -103,8 +104,13 @@ class Tracker {
   const StageTimes& stage_times() const { return stage_times_; }
   uint64_t num_keyframes_sent() const { return num_keyframes_sent_; }
 
-  /// Localises frames that passed between the two of a map's beginning, and are known only afterwards. To be called at the end of a run.
-  void FinishBackfill();
+  /// Takes up what an earlier tracker of the same run had tracked, before the first frame: its maps are followed, and the camera is looked for in them.
+  void Resume(const std::vector<FrameRecord>& frames);
+  /// Frames that are new in the history or hang elsewhere since the last call.
+  std::vector<FrameRecord> TakeChangedFrames() { return history_.TakeChanged(); }
+  /// To be called at the end of a run: localises frames that passed between the two of a map's beginning, and are known only afterwards, and hangs those
+  /// on another keyframe that have lost theirs.
+  void FinishHistory();
 
  private:
   Frame MakeFrame(const Image& image);
@@ -141,6 +147,7 @@ class Tracker {
   std::optional<Overlap> OverlapWith(const Frame& frame, const Map& map, const Map& old_map) const;
   void GoOnFrom(Frame frame);
   void BackfillOne();
+  void FinishBackfill();
   void AskForPlace(Frame* frame, Output* output);
 
   // Paper Sec. 6, the tracker's part (tracker_maps.cc).
@@ -177,6 +184,8 @@ class Tracker {
   KeyFrameMessage MakeMessage(KeyFrameKind kind, Frame* frame, KeyFrameMessage message);
   void TakeResidual();
   void OnApplied(const Map& map, const MapDelta& delta);
+  void Acknowledge(KeyFrameId id);
+  void TakeBack(const MapDelta& snapshot);
   /// Pose and velocity stay where they are in the scene when the map around the reference keyframe moved.
   void MoveWithMap(const Sim3d& new_from_old);
   bool Concerns(const MapperState& state) const;
@@ -230,6 +239,8 @@ class Tracker {
   MapId spare_map_;                                         // asked for, and not begun
   size_t next_other_map_ = 0;                               // whose turn it is when lost
   std::map<KeyFrameId, KeyFrameMessage> unacknowledged_;
+  std::deque<KeyFrameMessage> acknowledged_;                // the last ones: a new owner may not have got them
+  std::map<MapId, Epoch> applied_epochs_;                   // of the last delta of each map
 
   TrackingState state_ = TrackingState::kInitializing;
   MapId active_map_;                                        // none until the first map is there

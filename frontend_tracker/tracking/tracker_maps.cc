@@ -26,6 +26,11 @@ constexpr double kMinShareOfPoints = 0.5;      // that a linked map must have of
 
 }  // namespace
 
+void Tracker::Resume(const std::vector<FrameRecord>& frames) {
+  history_.Restore(frames);
+  for (const FrameRecord& frame : frames) maps_.Follow(frame.map, true);
+}
+
 void Tracker::AskAtlas(const std::string& kind, MapId map, MapId other, const std::optional<Sim3d>& map_from_other, const std::string& argument) {
   Request request;
   request.kind = kind;
@@ -318,6 +323,7 @@ void Tracker::CompleteFusion(const Command& fusion) {
   if (active_map_ == fusion.other) GoOnInFused(fusion);
   if (beginning_.old_map() == fusion.other) beginning_.SetOldMap(fusion.map);
   if (move_ && (move_->target == fusion.other || move_->target == active_map_)) move_.reset();
+  acknowledged_.clear();  // they are of a map that is no more
   // A keyframe on its way goes to the map that is, where it stands there.
   for (auto& [id, message] : unacknowledged_) {
     if (message.map != fusion.other) continue;

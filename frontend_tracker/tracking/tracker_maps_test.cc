@@ -84,7 +84,7 @@ TEST_F(TrackerMapsTest, AFullMapEndsInANewOneWithoutALostFrame) {
 
 TEST_F(TrackerMapsTest, FramesOfBothMapsAreInTheHistoryOnce) {
   GoIntoSecondMap();
-  tracker_->FinishBackfill();
+  tracker_->FinishHistory();
   EXPECT_EQ(tracker_->history().records().size(), places_.size());
 }
 

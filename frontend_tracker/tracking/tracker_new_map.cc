@@ -253,4 +253,9 @@ void Tracker::FinishBackfill() {
   while (!backfill_.IsDone()) BackfillOne();
 }
 
+void Tracker::FinishHistory() {
+  FinishBackfill();
+  for (const auto& [id, replica] : maps_.replicas()) history_.HangLooseFrames(replica.map());
+}
+
 }  // namespace portolan

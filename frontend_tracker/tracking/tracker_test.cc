@@ -44,7 +44,7 @@ TEST_F(TrackerTest, InitialisesAndTracksAtTheRightPose) {
 
 TEST_F(TrackerTest, EveryFrameSinceTheMapsFirstIsInTheHistory) {
   Initialize();
-  tracker_->FinishBackfill();
+  tracker_->FinishHistory();
   const Map& map = tracker_->replicas().at(tracker_->active_map()).map();
   const auto& records = tracker_->history().records();
   ASSERT_THAT(records, SizeIs(places_.size()));

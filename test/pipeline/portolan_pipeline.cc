@@ -49,7 +49,7 @@ int Run(const SourceOptions& source_options, const std::string& out, const Track
                   output.state.num_inliers, output.state.num_candidates, output.state.quality, ToString(output.state.map),
                   output.keyframes.size(), output.state.frame_ms);
   }
-  pipeline.tracker().FinishBackfill();
+  pipeline.tracker().FinishHistory();
   const Tracker& tracker = pipeline.tracker();
   const RunTrajectories trajectories = MakeTrajectories(tracker.history(), tracker.replicas(), tracker.links());
   const Trajectory& trajectory = trajectories.joined;
