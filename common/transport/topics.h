@@ -94,7 +94,7 @@ struct Topic<MapCorrection> {
   static constexpr TopicQos Qos() { return Reliable(16, kPatientBlockingMs); }  // rare, each up to the size of the map
 };
 
-/// Written by the atlas_server alone; read by the mapper. Late readers get the last commands, in order: they tell who
+/// Written by the atlas_server alone; read by all but tools, by an atlas_server that stands by too. Late readers get the last commands, in order: they tell who
 /// owns what.
 template <>
 struct Topic<Command> {
@@ -102,7 +102,7 @@ struct Topic<Command> {
   static constexpr const char* kName = "command";
   static constexpr const char* kType = "portolan::wire_v1::Command";
   static constexpr bool kKeyed = false;
-  static constexpr TopicAccess kAccess = {kRoleAtlas, kRoleTracker | kRoleMapper | kRoleLoop};
+  static constexpr TopicAccess kAccess = {kRoleAtlas, kRoleTracker | kRoleMapper | kRoleLoop | kRoleAtlas};
   static constexpr TopicQos Qos() {
     TopicQos qos = Reliable(256, kPatientBlockingMs);
     qos.keep_all = false;
@@ -112,14 +112,15 @@ struct Topic<Command> {
   }
 };
 
-/// Written by tracker, mapper, tools and operators; read by the atlas_server.
+/// Written by tracker, mapper, tools and operators, and by a loop_closer or atlas_server that stands by; read by the
+/// atlas_server.
 template <>
 struct Topic<Request> {
   using Wire = wire::Request;
   static constexpr const char* kName = "request";
   static constexpr const char* kType = "portolan::wire_v1::Request";
   static constexpr bool kKeyed = false;
-  static constexpr TopicAccess kAccess = {kRoleTracker | kRoleMapper | kRoleTool, kRoleAtlas};
+  static constexpr TopicAccess kAccess = {kRoleTracker | kRoleMapper | kRoleLoop | kRoleAtlas | kRoleTool, kRoleAtlas};
   static constexpr TopicQos Qos() { return Reliable(256, kPromptBlockingMs); }
 };
 
@@ -130,7 +131,7 @@ struct Topic<Reply> {
   static constexpr const char* kName = "reply";
   static constexpr const char* kType = "portolan::wire_v1::Reply";
   static constexpr bool kKeyed = false;
-  static constexpr TopicAccess kAccess = {kRoleAtlas, kRoleTracker | kRoleMapper | kRoleTool};
+  static constexpr TopicAccess kAccess = {kRoleAtlas, kRoleTracker | kRoleMapper | kRoleAtlas | kRoleTool};
   static constexpr TopicQos Qos() { return Reliable(256, kPatientBlockingMs); }
 };
 
@@ -153,7 +154,7 @@ struct Topic<MapperState> {
   static constexpr const char* kName = "mapper_state";
   static constexpr const char* kType = "portolan::wire_v1::MapperState";
   static constexpr bool kKeyed = false;
-  static constexpr TopicAccess kAccess = {kRoleMapper, kRoleTracker | kRoleLoop | kRoleAtlas};
+  static constexpr TopicAccess kAccess = {kRoleMapper, kRoleTracker | kRoleMapper | kRoleLoop | kRoleAtlas};
   static constexpr TopicQos Qos() { return Reliable(1024, kPatientBlockingMs); }
 };
 

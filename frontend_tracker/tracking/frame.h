@@ -15,6 +15,8 @@ struct Frame {
   Timestamp stamp;
   std::shared_ptr<const KeyFrameData> data;  ///< features and grid; bow and nodes only once ComputeWords was called
   SmallImage small;
+  /// Orientation by dead reckoning from the run's first frame: turns of tracked poses, and where there are none those that ESM sees.
+  Eigen::Quaterniond camera_from_start = Eigen::Quaterniond::Identity();
 
   MapId map;                         ///< in which it is tracked; none: in none
   Rigid3d camera_from_map;           ///< meaningful once tracked

@@ -15,6 +15,7 @@ void FrameHistory::Add(const Map& map, const Frame& frame, bool online) {
   record.map = map.id();
   record.online_camera_from_map = frame.camera_from_map;
   record.online = online;
+  record.camera_from_start = frame.camera_from_start;
   Anchor(&record, frame.reference, frame.camera_from_map * anchor->camera_from_map.Inverse());
 }
 

@@ -25,6 +25,7 @@ struct FrameRecord {
   Rigid3d camera_from_anchor;
   Rigid3d online_camera_from_map;  ///< as it was known when the frame was tracked
   bool online = true;              ///< false: found later, from a frame before the map's own beginning
+  std::optional<Eigen::Quaterniond> camera_from_start;  ///< by dead reckoning (Frame); none for frames of an earlier tracker of the run
 };
 
 /// Every tracked frame of a run.

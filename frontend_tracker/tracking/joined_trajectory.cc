@@ -22,15 +22,26 @@ double MedianSpeed(const Trajectory& poses) {
   return *middle;
 }
 
+/// By stamp, the orientations of frames by dead reckoning.
+using Orientations = std::map<Timestamp, Eigen::Quaterniond>;
+
+/// How the camera turned between two frames, if dead reckoning knows of both; else not at all.
+Eigen::Quaterniond TurnBetween(const Orientations& camera_from_start, Timestamp first, Timestamp second) {
+  const auto a = camera_from_start.find(first), b = camera_from_start.find(second);
+  if (a == camera_from_start.end() || b == camera_from_start.end()) return Eigen::Quaterniond::Identity();
+  return b->second * a->second.conjugate();
+}
+
 /// The similarity that lets the camera go on from `before` (joined frame) with `after` (a new map's first poses).
-Sim3d Continue(const Trajectory& before, const Trajectory& after) {
+Sim3d Continue(const Trajectory& before, const Trajectory& after, const Orientations& camera_from_start) {
   const Trajectory last(before.end() - static_cast<ptrdiff_t>(std::min(before.size(), kSpeedFrames)), before.end());
   const Trajectory first(after.begin(), after.begin() + static_cast<ptrdiff_t>(std::min(after.size(), kSpeedFrames)));
   const double speed_before = MedianSpeed(last), speed_after = MedianSpeed(first);
   const double scale = speed_before > 0 && speed_after > 0 ? speed_before / speed_after : 1.0;
   const Rigid3d& from = last.back().world_from_camera;
   const Rigid3d& to = first.front().world_from_camera;
-  const Eigen::Quaterniond rotation = (from.rotation * to.rotation.conjugate()).normalized();
+  const Eigen::Quaterniond turn = TurnBetween(camera_from_start, last.back().stamp, first.front().stamp);
+  const Eigen::Quaterniond rotation = (from.rotation * turn.conjugate() * to.rotation.conjugate()).normalized();
   return Sim3d(scale, rotation, from.translation - scale * (rotation * to.translation));
 }
 
@@ -62,6 +73,7 @@ bool IsEarlier(const TrajectoryPose& a, const TrajectoryPose& b) { return a.stam
 RunTrajectories MakeTrajectories(const FrameHistory& history, const std::map<MapId, MapReplica>& replicas, const LinkGraph& links) {
   RunTrajectories result;
   std::map<MapId, Trajectory> own;
+  Orientations camera_from_start;
   std::vector<MapId> order;
   for (const auto& [number, record] : history.records()) {
     const auto replica = replicas.find(record.map);
@@ -73,13 +85,14 @@ RunTrajectories MakeTrajectories(const FrameHistory& history, const std::map<Map
     const TrajectoryPose pose{record.stamp, camera_from_map->Inverse(), entry->second};
     result.per_map.push_back(pose);
     own[record.map].push_back(pose);
+    if (record.camera_from_start) camera_from_start[record.stamp] = *record.camera_from_start;
     if (record.online) result.online.push_back({record.stamp, record.online_camera_from_map.Inverse(), entry->second});
   }
   std::vector<MapId> placed;
   for (const MapId map : order) {
     std::optional<Sim3d> joined_from_map = placed.empty() ? Sim3d() : PlaceByLinks(map, placed, result.joined_from_map, links);
     if (!joined_from_map) {
-      joined_from_map = Continue(Before(result.joined, own[map].front().stamp), own[map]);
+      joined_from_map = Continue(Before(result.joined, own[map].front().stamp), own[map], camera_from_start);
       result.unlinked_maps.push_back(map);
     }
     result.joined_from_map[map] = *joined_from_map;

@@ -37,6 +37,8 @@ class JoinedTrajectoryTest : public ::testing::Test {
       Frame frame = FrameOfView(scene_, view);
       frame.reference = frame.data->id;
       frame.camera_from_map = map.keyframe(frame.reference).camera_from_map;
+      frame.camera_from_start = view < from + 1 ? turn_between_maps_ * last_ : last_;
+      last_ = frame.camera_from_start;
       history_.Add(map, frame, true);
     }
   }
@@ -50,6 +52,8 @@ class JoinedTrajectoryTest : public ::testing::Test {
 
   const MapId first_{0, 1, 1}, second_{0, 1, 2}, third_{0, 1, 3};
   const Sim3d second_from_first_{3, ExpSO3({0.2, 0.4, -0.3}), {5, 1, 2}};
+  const Eigen::Quaterniond turn_between_maps_{ExpSO3({0, 1.5, 0})};
+  Eigen::Quaterniond last_ = turn_between_maps_.conjugate();
   SyntheticScene scene_;
   std::map<MapId, MapReplica> replicas_;
   FrameHistory history_;
@@ -83,6 +87,8 @@ TEST_F(JoinedTrajectoryTest, WithoutALinkTheCameraGoesOnAsFastAsBefore) {
   };
   EXPECT_NEAR(step(kViews - 1) / step(1), 1, 0.05);
   EXPECT_NEAR(step(kViews / 2), 0, 1e-9) << "where it was last";
+  const Eigen::Quaterniond turn = run.joined[kViews / 2].world_from_camera.rotation.conjugate() * run.joined[kViews / 2 - 1].world_from_camera.rotation;
+  EXPECT_NEAR(turn.angularDistance(turn_between_maps_), 0, 1e-6) << "turned as dead reckoning says";
 }
 
 }  // namespace

@@ -49,6 +49,7 @@ Tracker::Output Tracker::Track(const Image& image) {
   ApplyPending();
   if (!active_map_.IsValid() && !beginning_.map().IsValid() && !options_.localization_only) StartNewMap();
   Frame frame = MakeFrame(image);
+  turn_by_image_.reset();
 
   if (beginning_.sent() && beginning_.IsMade(maps_.map(beginning_.map()))) {
     if (HasPose()) {
@@ -62,7 +63,7 @@ Tracker::Output Tracker::Track(const Image& image) {
   } else if (TrackInMap(&frame) || GoOnInLinkedMap(&frame, false)) {
     OnTracked(&frame, &output);
   } else {
-    OnFailed(frame);
+    OnFailed(std::move(frame));
   }
   output.requests = std::exchange(requests_, {});
   const bool tracked = state_ == TrackingState::kTracking;
@@ -112,7 +113,20 @@ Eigen::Quaterniond Tracker::EstimateRotation(const Frame& frame, const Eigen::Qu
   const Stopwatch stopwatch;
   const auto estimate = rotation_estimator_.EstimateRotation(last_frame_->small, frame.small, predicted);
   stage_times_.Add("esm", stopwatch.Milliseconds());
-  return estimate.ok ? estimate.current_from_reference : predicted;
+  turn_by_image_ = estimate.ok ? estimate.current_from_reference : predicted;
+  return *turn_by_image_;
+}
+
+/// Dead reckoning of the orientation, with which a map without a link to those before is hung on to them.
+void Tracker::Reckon(Frame* frame, bool is_tracked) {
+  if (!last_frame_) return;
+  Eigen::Quaterniond turn = Eigen::Quaterniond::Identity();
+  if (is_tracked && last_frame_->map == active_map_) {
+    turn = frame->camera_from_map.rotation * last_frame_->camera_from_map.rotation.conjugate();
+  } else {
+    turn = turn_by_image_ ? *turn_by_image_ : EstimateRotation(*frame, Eigen::Quaterniond::Identity());
+  }
+  frame->camera_from_start = (turn * last_frame_->camera_from_start).normalized();
 }
 
 std::vector<Rigid3d> Tracker::PredictPoses(const Frame& frame) {
@@ -186,6 +200,7 @@ bool Tracker::TrackInMap(Frame* frame) {
 }
 
 void Tracker::OnTracked(Frame* frame, Output* output) {
+  Reckon(frame, true);
   state_ = TrackingState::kTracking;
   lost_frames_ = 0;
   lost_since_.reset();
@@ -205,15 +220,17 @@ void Tracker::OnTracked(Frame* frame, Output* output) {
   BackfillOne();
 }
 
-void Tracker::OnFailed(const Frame& frame) {
+void Tracker::OnFailed(Frame frame) {
+  Reckon(&frame, false);
   ++lost_frames_;
   state_ = TrackingState::kRelocalizing;
   ring_.AddFailed(frame);
-  last_frame_ = frame;  // its pose is the prediction, from which ESM goes on
+  const uint64_t number = frame.number;
+  last_frame_ = std::move(frame);  // its pose is the prediction, from which ESM goes on
   // "If tracking fails for more than five consecutive frames, the tracker is considered to be lost" (paper Sec. 3).
   if (lost_frames_ > options_.max_lost_frames) {
     state_ = TrackingState::kLost;
-    lost_since_ = frame.number;
+    lost_since_ = number;
     if (beginning_.map().IsValid() && !beginning_.sent()) QueuePastFrames();
     if (!beginning_.map().IsValid() && !options_.localization_only) StartNewMap();
   }

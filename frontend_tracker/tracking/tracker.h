@@ -116,6 +116,7 @@ class Tracker {
   Frame MakeFrame(const Image& image);
   void AddWords(Frame* frame) const;
   Eigen::Quaterniond EstimateRotation(const Frame& frame, const Eigen::Quaterniond& predicted);
+  void Reckon(Frame* frame, bool is_tracked);
 
   // Paper Fig. 2 and Sec. 3.2.
   /// Where the camera may be, the likeliest first.
@@ -125,7 +126,7 @@ class Tracker {
   bool TrackInMap(Frame* frame);
   bool TrackByMotion(const Map& map, Frame* frame);
   void OnTracked(Frame* frame, Output* output);
-  void OnFailed(const Frame& frame);
+  void OnFailed(Frame frame);
   void ConsiderKeyFrame(Frame* frame, Output* output);
   bool HasPose() const { return state_ == TrackingState::kTracking || state_ == TrackingState::kRelocalizing; }
 
@@ -245,6 +246,7 @@ class Tracker {
   TrackingState state_ = TrackingState::kInitializing;
   MapId active_map_;                                        // none until the first map is there
   std::optional<Frame> last_frame_;                         // tracked or not; its pose is the prediction if not
+  std::optional<Eigen::Quaterniond> turn_by_image_;         // from last_frame_ to the one in work, as ESM saw it
   std::vector<ReferenceLandmark> reference_;                // of the last tracked frame
   KeyFrameId reference_keyframe_;
   int lost_frames_ = 0;

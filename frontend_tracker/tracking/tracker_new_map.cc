@@ -75,10 +75,11 @@ void Tracker::Initialize(Frame frame, Output* output) {
     return;
   }
   frame.map = MapId();
+  Reckon(&frame, false);
   AskForPlace(&frame, output);
   if (beginning_.map().IsValid()) {
     const Stopwatch stopwatch;
-    beginning_.Queue(frame, EstimateRotation(frame, Eigen::Quaterniond::Identity()), true);
+    beginning_.Queue(frame, turn_by_image_.value_or(Eigen::Quaterniond::Identity()), true);
     ContinueBeginning(frame.stamp, output);
     stage_times_.Add("initialize", stopwatch.Milliseconds());
   }
@@ -230,6 +231,7 @@ void Tracker::BeginTracking(uint64_t frame_now) {
     history_.Add(map, frame, false);
     GoOnFrom(std::move(frame));
   }
+  turn_by_image_.reset();  // it was between two of these
 }
 
 void Tracker::GoOnFrom(Frame frame) {
