@@ -20,7 +20,14 @@ void Atlas::Restore(const std::vector<Ownership>& ownerships, const MapGraph& gr
   for (const Ownership& ownership : ownerships) maps_[ownership.map] = ownership;
 }
 
+/// A few times a second there is a tick: where none was for long, this process did not run.
+void Atlas::NoteTime(double now_s) {
+  if (now_s - last_time_s_ > kListenS) start_s_ = now_s;
+  last_time_s_ = now_s;
+}
+
 void Atlas::OnRequest(const Request& request, double now_s) {
+  NoteTime(now_s);
   OnSignOfLife(request.sender, now_s);
   if (is_standby_) return;
   if (Listening(now_s)) {
@@ -294,6 +301,7 @@ void Atlas::OnMapperState(const MapperState& state, double now_s) {
 
 void Atlas::OnStatus(const ProcessStatus& status, double now_s) {
   if (status.process == self_) return;
+  NoteTime(now_s);
   OnSignOfLife(status.process, now_s);
   peers_[status.process].status = status;
   if (status.role == kTrackerRole) OnTracker(status, now_s);
@@ -327,6 +335,7 @@ void Atlas::TakeUp(const ProcessStatus& status) {
 }
 
 void Atlas::OnTick(double now_s) {
+  NoteTime(now_s);
   if (Listening(now_s)) return;
   for (const Request& request : std::exchange(early_, {})) Handle(request, now_s);
   AdoptMappers(now_s);

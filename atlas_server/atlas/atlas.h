@@ -36,7 +36,8 @@ namespace portolan {
 /// - A map in which no tracker is and that none waits for is dormant: this process owns it, from the moment on that its
 /// mapper has nothing left to do in it. A tracker that is silent for kGoneS is gone.
 /// - Processes that were here before the atlas_server: it listens for kListenS before it decides anything, and takes up
-/// what their statuses tell.
+/// what their statuses tell. The same after a time in which it did not run itself (hung, stopped, its machine asleep): that
+/// it has heard nobody for so long says nothing of them.
 /// - One that stands by behind another atlas_server hears everything and decides nothing, until it is promoted.
 class Atlas {
  public:
@@ -56,7 +57,7 @@ class Atlas {
     std::string reason;
   };
 
-  Atlas(ProcessId self, double start_s) : self_(self), start_s_(start_s) {}
+  Atlas(ProcessId self, double start_s) : self_(self), start_s_(start_s), last_time_s_(start_s) {}
 
   /// What an earlier atlas_server granted and knew.
   void Restore(const std::vector<Ownership>& ownerships, const MapGraph& graph = MapGraph());
@@ -221,9 +222,11 @@ class Atlas {
   void Grant(Ownership* map, ProcessId owner);
   void Send(const Request& request, Reply reply);
   bool Listening(double now_s) const { return is_standby_ || now_s - start_s_ < kListenS; }
+  void NoteTime(double now_s);
 
   ProcessId self_;
-  double start_s_;
+  double start_s_;      // of listening
+  double last_time_s_;  // that was told
   bool is_standby_ = false;
   std::map<MapId, Ownership> maps_;
   std::set<MapId> granted_here_;  // not by an earlier atlas_server

@@ -364,5 +364,25 @@ TEST_F(AtlasTest, EpochsNeverFallAndLivingOwnersStay) {
   EXPECT_GT(atlas_.num_takeovers(), 20u);
 }
 
+TEST_F(AtlasTest, OneThatHungItselfListensBeforeItDecides) {
+  Go(2);
+  Mapper(kMapperA);
+  Mapper(kMapperB);
+  Live(kTracker, "frontend_tracker", kMap, 1);
+  Ask(kMapperA, "register_mapper");
+  Ask(kMapperB, "register_mapper", MapId(), "standby");
+  Ask(kTracker, "new_map", kMap);
+  Go(1);
+  ExpectGrant(0, kMap, 1, kMapperA);
+  now_ += 10;  // the others lived on; the standby is heard of first
+  atlas_.OnStatus(living_[kMapperB], now_);
+  atlas_.OnStatus(living_[kTracker], now_);
+  Go(3);
+  EXPECT_EQ(commands_.size(), 1u) << "nobody died";
+  Die(kMapperA);
+  Go(3);
+  ExpectGrant(1, kMap, 2, kMapperB);
+}
+
 }  // namespace
 }  // namespace portolan

@@ -132,6 +132,14 @@ TEST_P(PlayerWithoutPaceTest, ReadsAheadOnlyAsFarAsItsQueue) {
   }
 }
 
+TEST_P(PlayerWithoutPaceTest, GoesOnBehindTheFramesThatWerePlayed) {
+  PlaybackOptions options{GetParam(), 1, 3};
+  options.go_on = PlaybackOptions::GoOn{std::nullopt, 7};
+  Player player(MakeSource({}), options);
+  EXPECT_THAT(PlayToEnd(&player), ElementsAre(7, 8, 9));
+  EXPECT_EQ(player.report().passed, 7u);
+}
+
 INSTANTIATE_TEST_SUITE_P(Modes, PlayerWithoutPaceTest, testing::Values(PlaybackMode::kMax, PlaybackMode::kLockstep));
 
 TEST(PlayerTest, InRealTimeNoFrameComesBeforeItsTime) {
@@ -208,6 +216,32 @@ TEST(PlayerTest, EveryFrameIsDeliveredDroppedOrUnreadable) {
 }
 
 /// At its recorded pace this source would take a day.
+TEST(PlayerTest, GoesOnWhereTheClockIs) {
+  for (const bool peeks : {true, false}) {
+    FakeOptions fake;
+    fake.num_frames = 400;
+    fake.peeks = peeks;
+    PlaybackOptions options;
+    options.go_on = PlaybackOptions::GoOn{PlaybackStart{Timestamp::FromSeconds(100), steady_clock::now() - std::chrono::milliseconds(100)}, 0};
+    Player player(MakeSource(fake), options);
+    const std::vector<uint64_t> frames = PlayToEnd(&player);
+    const PlaybackReport report = player.report();
+    EXPECT_GE(report.passed, 100u) << "a frame each millisecond";
+    ASSERT_FALSE(frames.empty());
+    EXPECT_GE(frames.front(), report.passed);
+    EXPECT_EQ(frames.back(), 399u);
+    EXPECT_EQ(report.passed + report.delivered + report.dropped, 400u);
+  }
+}
+
+TEST(PlayerTest, WhatIsOverGoesOnNowhere) {
+  PlaybackOptions options;
+  options.go_on = PlaybackOptions::GoOn{PlaybackStart{Timestamp::FromSeconds(100), steady_clock::now() - std::chrono::seconds(1)}, 0};
+  Player player(MakeSource({}), options);
+  EXPECT_THAT(PlayToEnd(&player), ElementsAre());
+  EXPECT_EQ(player.report().passed, 10u);
+}
+
 TEST(PlayerTest, ALiveSourceIsNotPaced) {
   FakeOptions fake;
   fake.num_frames = 3;

@@ -144,5 +144,48 @@ TEST_F(FrameHistoryTest, AKeyFrameRemovedAheadOfTheFusionLosesNoFrame) {
   EXPECT_THAT(*pose, RigidNear(TransformPose(frame.camera_from_map, map_from_other), (PoseTolerance{1e-6, 1e-5})));
 }
 
+TEST_F(FrameHistoryTest, TellsWhatChanged) {
+  for (const auto& [number, reference] : {std::pair<uint64_t, size_t>{7, 4}, {8, 3}}) history_.Add(map_, MakeFrame(number, reference), true);
+  EXPECT_EQ(history_.TakeChanged().size(), 2u);
+  EXPECT_TRUE(history_.TakeChanged().empty());
+  map_.RemoveKeyFrame(Id(4));
+  Publish();
+  const std::vector<FrameRecord> changed = history_.TakeChanged();
+  ASSERT_EQ(changed.size(), 1u);
+  EXPECT_EQ(changed[0].frame, 7u);
+  EXPECT_EQ(changed[0].anchor, Id(3));
+}
+
+TEST_F(FrameHistoryTest, AnotherTrackerGoesOnWithTheFrames) {
+  const Frame a = MakeFrame(7, 4), b = MakeFrame(8, 3);
+  for (const Frame& frame : {a, b}) history_.Add(map_, frame, true);
+  FrameHistory other;
+  other.Restore(history_.TakeChanged());
+  EXPECT_TRUE(other.TakeChanged().empty());
+  map_.RemoveKeyFrame(Id(4));
+  other.OnDelta(map_, map_.TakeDelta());
+  EXPECT_EQ(other.records().at(7).anchor, Id(3));
+  EXPECT_THAT(FrameHistory::CameraFromMap(map_, other.records().at(7)).value(), RigidNear(a.camera_from_map, PoseTolerance()));
+}
+
+TEST_F(FrameHistoryTest, FramesThatLostTheirKeyFrameUnheardHangWhereTheNearestDoes) {
+  const Frame before = MakeFrame(5, 1), a = MakeFrame(7, 3), b = MakeFrame(8, 4), after = MakeFrame(9, 2);
+  for (const Frame& frame : {before, a, b, after}) history_.Add(map_, frame, true);
+  map_.RemoveKeyFrame(Id(4));
+  map_.RemoveKeyFrame(Id(3));
+  static_cast<void>(map_.TakeDelta());  // nobody listens
+  history_.HangLooseFrames(map_);
+  EXPECT_EQ(history_.records().at(8).anchor, Id(2));
+  EXPECT_EQ(history_.records().at(7).anchor, Id(1)) << "as near to both: the one before";
+  for (const Frame& frame : {before, a, b, after}) EXPECT_THAT(PoseNow(frame.number), RigidNear(frame.camera_from_map, PoseTolerance()));
+}
+
+TEST_F(FrameHistoryTest, WithoutAnyKeyFrameLooseFramesStayLoose) {
+  history_.Add(map_, MakeFrame(7, 3), true);
+  const Map empty(map_.id(), 1);
+  history_.HangLooseFrames(empty);
+  EXPECT_FALSE(FrameHistory::CameraFromMap(empty, history_.records().at(7)).has_value());
+}
+
 }  // namespace
 }  // namespace portolan

@@ -261,6 +261,46 @@ TEST_F(TrackerMapsTest, AtTheStartTheAtlasIsAskedBeforeAMapBegins) {
   EXPECT_THAT(RequestsOf(output.requests, "enter_map"), SizeIs(1));
 }
 
+TEST_F(TrackerMapsTest, AResumedTrackerFindsItselfInTheMapOfTheOneBefore) {
+  int place = Initialize();
+  for (; place < 14; ++place) Show(place);
+  tracker_->ApplyPending();
+  const MapId kept = tracker_->active_map();
+  const Map map = mapper_->map;
+  const std::vector<FrameRecord> earlier = tracker_->TakeChangedFrames();
+  ASSERT_GT(earlier.size(), 5u);
+  StartTracker(MakeOptions(), 6);
+  tracker_->Resume(earlier);
+  ASSERT_THAT(tracker_->ReplicasInNeed(), SizeIs(1));
+  EXPECT_TRUE(tracker_->IsFresh(kept));
+  for (const auto& [id, keyframe] : map.keyframes()) {
+    tracker_->AddKeyFrameData(kept, MakeKeyFrameData(*keyframe.data, vocabulary_->get()));
+  }
+  tracker_->AddDelta(map.Snapshot());
+  const Tracker::Output output = Show(12);
+  EXPECT_EQ(output.state.map, kept);
+  ExpectRightPose(output, 12, 3);
+  EXPECT_THAT(RequestsOf(output.requests, "enter_map"), SizeIs(1));
+  EXPECT_EQ(tracker_->history().records().size(), earlier.size() + 1);
+  ASSERT_THAT(tracker_->TakeChangedFrames(), SizeIs(1)) << "the earlier ones are known";
+}
+
+TEST_F(TrackerMapsTest, AMapperThatLostTheMapIsNotListenedTo) {
+  Initialize();
+  Command grant = MakeCommand(CommandKind::kGrantOwnership, tracker_->active_map(), MapId());
+  grant.epoch = 3;
+  grant.owner = ProcessId(0, 7, 1);
+  tracker_->OnCommand(grant);
+  MapperState state;
+  state.process = ProcessId(0, 4, 1);
+  state.map = tracker_->active_map();
+  state.epoch = 2;
+  EXPECT_FALSE(tracker_->OnMapperState(state));
+  state.process = grant.owner;
+  state.epoch = 3;
+  EXPECT_TRUE(tracker_->OnMapperState(state));
+}
+
 TEST_F(TrackerMapsTest, AtTheStartAMapBeginsAfterThreeDenials) {
   const auto asked = tracker_->RequestFirstMap();
   Reply reply;

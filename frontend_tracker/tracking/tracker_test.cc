@@ -149,6 +149,28 @@ TEST_F(TrackerTest, AMapperThatDoesNotAnswerIsNotWaitedForWhenItIsUrgent) {
   EXPECT_EQ(tracker_->num_keyframes_sent(), sent + 1);
 }
 
+TEST_F(TrackerTest, WhatANewOwnerHasNotGotIsSentAgain) {
+  int place = Initialize();
+  const Map behind = mapper_->map;
+  std::optional<KeyFrameId> taken_in;
+  for (; place < 40 && !taken_in; ++place) {
+    const Tracker::Output output = Show(place);
+    if (!output.keyframes.empty()) taken_in = output.keyframes.back().data.id;
+  }
+  tracker_->ApplyPending();
+  ASSERT_TRUE(taken_in);
+  ASSERT_THAT(tracker_->unacknowledged(), IsEmpty());
+  ASSERT_NE(tracker_->replicas().at(behind.id()).map().FindKeyFrame(*taken_in), nullptr);
+  MapDelta snapshot = behind.Snapshot();
+  snapshot.epoch = behind.epoch() + 1;
+  tracker_->AddDelta(snapshot);
+  tracker_->ApplyPending();
+  const std::vector<KeyFrameMessage> again = tracker_->unacknowledged();
+  ASSERT_THAT(again, SizeIs(1));
+  EXPECT_EQ(again[0].data.id, *taken_in);
+  EXPECT_EQ(tracker_->AwaitedKeyFrame(), taken_in);
+}
+
 TEST_F(TrackerTest, TakesInWhatTheCalibrationLeft) {
   Initialize();
   EXPECT_TRUE(tracker_->camera().IsIdeal());

@@ -1,6 +1,9 @@
 #include "processes/deployment.h"
 
 #include <csignal>
+#include <utility>
+
+#include "processes/run_output_check.h"
 
 namespace portolan {
 
@@ -54,6 +57,40 @@ Ended DeploymentTest::Interrupt(const std::string& role) {
 
 Ended DeploymentTest::WaitForFrontend() {
   return WaitForEnd(processes_.at("frontend_tracker").get());
+}
+
+void DeploymentTest::Stop(const std::string& role) {
+  processes_.at(role)->Send(SIGSTOP);
+}
+
+void DeploymentTest::Continue(const std::string& role) {
+  processes_.at(role)->Send(SIGCONT);
+}
+
+void DeploymentTest::Rename(const std::string& role, const std::string& name) {
+  processes_[name] = std::move(processes_.at(role));
+  processes_.erase(role);
+}
+
+void DeploymentTest::WaitUntilMapping() {
+  ASSERT_TRUE(watch().WaitUntil(
+      [](const StatusWatch::Heard& heard) {
+        return heard.Figure("backend_mapper", "keyframes_taken") >= 3 && heard.Figure("atlas_server", "keyframes") >= 3 &&
+               heard.tracker && heard.tracker->state == TrackingState::kTracking;
+      },
+      kProcessDeadline))
+      << Logs();
+}
+
+void DeploymentTest::ExpectGoodEnd(double min_tracked_share) {
+  const Ended frontend = WaitForFrontend();
+  ASSERT_EQ(frontend.code, 0) << frontend.output << Logs();
+  for (const char* role : {"backend_mapper", "loop_closer", "atlas_server"}) EXPECT_EQ(Interrupt(role).code, 0) << role;
+  EXPECT_GT(ExpectTrajectory(Out() + "/trajectory.txt").size(), min_tracked_share * static_cast<double>(NumFrames()));
+  ExpectAccurate(Truth(), Out() + "/trajectory.txt", 0.01);
+  ExpectWholePly(Out() + "/map.ply");
+  EXPECT_EQ(Report("frontend_tracker")["maps"], 1);
+  ExpectSameMaps(Report("atlas_server"), Report("loop_closer"));
 }
 
 StatusWatch& DeploymentTest::watch() {

@@ -32,6 +32,16 @@ class DeploymentTest : public ProcessTest {
   /// Ends a process as the user would. @return its exit code and output.
   Ended Interrupt(const std::string& role);
   Ended WaitForFrontend();
+  /// Stopped, it keeps its connections and does nothing, as a process that hangs.
+  void Stop(const std::string& role);
+  void Continue(const std::string& role);
+  /// The process goes on under another name here, so that a second one of its role can be started.
+  void Rename(const std::string& role, const std::string& name);
+
+  /// Until there is a map to lose.
+  void WaitUntilMapping();
+  /// The frontend comes to its end; the others are told to, and left what they should.
+  void ExpectGoodEnd(double min_tracked_share = 0.8);
 
   StatusWatch& watch();
 

@@ -1,6 +1,6 @@
 // A process dies without a word, another comes in its place, and the run goes on.
 
-#include <csignal>
+#include <filesystem>
 
 #include "processes/deployment.h"
 #include "processes/run_output_check.h"
@@ -8,31 +8,7 @@
 namespace portolan {
 namespace {
 
-class RestartTest : public DeploymentTest {
- protected:
-  void WaitUntilMapping() {
-    ASSERT_TRUE(watch().WaitUntil(
-        [](const StatusWatch::Heard& heard) {
-          return heard.Figure("backend_mapper", "keyframes_taken") >= 3 &&
-                 heard.Figure("atlas_server", "keyframes") >= 3;
-        },
-        kProcessDeadline))
-        << Logs();
-  }
-
-  /// The frontend came to its end; the others are told to, and left what they should.
-  void ExpectGoodEnd() {
-    const Ended frontend = WaitForFrontend();
-    ASSERT_EQ(frontend.code, 0) << frontend.output << Logs();
-    for (const char* role : {"backend_mapper", "loop_closer", "atlas_server"})
-      EXPECT_EQ(Interrupt(role).code, 0) << role;
-    EXPECT_GT(ExpectTrajectory(Out() + "/trajectory.txt").size(), 0.8 * static_cast<double>(NumFrames()));
-    ExpectAccurate(Truth(), Out() + "/trajectory.txt", 0.01);
-    ExpectWholePly(Out() + "/map.ply");
-    EXPECT_EQ(Report("frontend_tracker")["maps"], 1);
-    ExpectSameMaps(Report("atlas_server"), Report("loop_closer"));
-  }
-};
+class RestartTest : public DeploymentTest {};
 
 class MapperRestartTest : public RestartTest, public ::testing::WithParamInterface<const char*> {};
 
@@ -73,6 +49,34 @@ TEST_F(RestartTest, NewLoopCloserCatchesUp) {
   WaitUntilMapping();
   Kill("loop_closer");
   StartRole("loop_closer");
+  ExpectGoodEnd();
+}
+
+/// As a camera would: the clock goes on while nobody tracks. What the first one tracked is in the trajectory.
+TEST_F(RestartTest, ResumedFrontendGoesOnWhereTheClockIsAndKeepsWhatWasTracked) {
+  const std::vector<std::string> arguments = {"--data", Sequence(), "--speed", "0.3", "--resume"};
+  StartAll(arguments);
+  WaitUntilMapping();
+  const uint64_t killed_at = watch().heard().tracker->frame;
+  const ProcessId first = watch().heard().Of("frontend_tracker")->process;
+  Kill("frontend_tracker");
+  StartRole("frontend_tracker", arguments);
+  EXPECT_TRUE(watch().WaitUntil(
+      [&](const StatusWatch::Heard& heard) {
+        return heard.tracker->process != first && heard.tracker->state == TrackingState::kTracking;
+      },
+      kProcessDeadline))
+      << Logs();
+  EXPECT_GT(watch().heard().tracker->frame, killed_at);
+  ExpectGoodEnd(0.4);
+  const nlohmann::json report = Report("frontend_tracker");
+  EXPECT_EQ(report["frames"], NumFrames());
+  EXPECT_GT(report["tracked"], report["tracked_online"]) << "frames of the first are among them";
+  EXPECT_FALSE(std::filesystem::exists(Out() + "/frames_journal.txt"));
+}
+
+TEST_F(RestartTest, ResumedFrontendWithoutARunToGoOnWithBeginsOne) {
+  StartAll({"--data", Sequence(), "--speed", "max", "--resume"});
   ExpectGoodEnd();
 }
 

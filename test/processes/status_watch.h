@@ -22,6 +22,7 @@ class StatusWatch {
   struct Heard {
     std::map<ProcessId, ProcessStatus> processes;  ///< the last of each
     std::optional<TrackerState> tracker;           ///< the last
+    int alive = 0;                                 ///< processes whose liveliness holds now
     /// The last status of the process of this role that was heard of last; null if none.
     const ProcessStatus* Of(const std::string& role) const;
     /// Of one process; null if it has told nothing.
