@@ -165,9 +165,8 @@ TEST_F(TrackerTest, WhatANewOwnerHasNotGotIsSentAgain) {
   snapshot.epoch = behind.epoch() + 1;
   tracker_->AddDelta(snapshot);
   tracker_->ApplyPending();
-  const std::vector<KeyFrameMessage> again = tracker_->unacknowledged();
-  ASSERT_THAT(again, SizeIs(1));
-  EXPECT_EQ(again[0].data.id, *taken_in);
+  ASSERT_THAT(tracker_->unacknowledged(), SizeIs(1));
+  EXPECT_EQ(tracker_->unacknowledged().begin()->first, *taken_in);
   EXPECT_EQ(tracker_->AwaitedKeyFrame(), taken_in);
 }
 
