@@ -381,7 +381,8 @@ TEST_F(AtlasTest, OneThatHungItselfListensBeforeItDecides) {
   EXPECT_EQ(commands_.size(), 1u) << "nobody died";
   Die(kMapperA);
   Go(3);
-  ExpectGrant(1, kMap, 2, kMapperB);
+  ExpectAppointment(1, kMapperB);
+  ExpectGrant(2, kMap, 2, kMapperB);
 }
 
 }  // namespace

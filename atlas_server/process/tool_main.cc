@@ -18,7 +18,7 @@ struct ToolOptions {
   ToolArguments arguments;
   std::string config_file, log_level = "error";
   std::vector<std::string> sets, assignments;
-  double timeout_s = 5;
+  double timeout_s = 10;
   Command command;  // what the command line named
 };
 
@@ -51,7 +51,7 @@ void AddCommonOptions(CLI::App* app, ToolOptions* options) {
         options->arguments.robot = value;
       },
       "number of the robot meant");
-  app->add_option("--timeout", options->timeout_s, "seconds to wait for an answer (default 5)")
+  app->add_option("--timeout", options->timeout_s, "seconds to wait for an answer (default 10)")
       ->check(CLI::Range(0.1, 3600.0));
   app->add_option("--log-level", options->log_level, "of the tool's own messages (default error)");
 }

@@ -54,8 +54,10 @@ TEST_F(AtlasCheckTest, ListsWhatIsInASoundAtlas) {
 
 TEST_F(AtlasCheckTest, NamesAMapWhoseDataIsGone) {
   Store(map_.epoch());
-  auto database = SqlDatabase::Open(path_).value();
-  ASSERT_TRUE(database.Execute("DELETE FROM keyframe"));
+  {
+    auto database = SqlDatabase::Open(path_).value();  // as long as it is open nobody else may read
+    ASSERT_TRUE(database.Execute("DELETE FROM keyframe"));
+  }
   const auto check = CheckAtlas(path_);
   ASSERT_TRUE(check) << check.error().message;
   EXPECT_FALSE(check->is_sound);
