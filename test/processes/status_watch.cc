@@ -36,16 +36,16 @@ StatusWatch::StatusWatch(const BusOptions& options) {
   bus_ = std::move(bus).value();
   status_reader_ = bus_->CreateReader<ProcessStatus>(
       [this](ProcessStatus status) {
-    std::lock_guard<std::mutex> lock(mutex_);
-    heard_.last_of_role[status.role] = status.process;
-    heard_.processes[status.process] = std::move(status);
-    changed_.notify_all();
-  },
-  [this](int alive) {
-    std::lock_guard<std::mutex> lock(mutex_);
-    heard_.alive = alive;
-    changed_.notify_all();
-  });
+        std::lock_guard<std::mutex> lock(mutex_);
+        heard_.last_of_role[status.role] = status.process;
+        heard_.processes[status.process] = std::move(status);
+        changed_.notify_all();
+      },
+      [this](int alive) {
+        std::lock_guard<std::mutex> lock(mutex_);
+        heard_.alive = alive;
+        changed_.notify_all();
+      });
   tracker_reader_ = bus_->CreateReader<TrackerState>([this](TrackerState state) {
     std::lock_guard<std::mutex> lock(mutex_);
     heard_.tracker = state;
