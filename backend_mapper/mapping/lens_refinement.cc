@@ -104,7 +104,7 @@ LensFinding FindRadialResidual(const LensProblem& lens_problem, const LensRefine
                : is_focal     ? "another focal length may explain it, left as it is"
                               : "left as it is");
   if (is_significant) return {adjusted->residual, false};
-  return {{}, is_focal && evidence >= kSettlingEvidence * options.min_evidence};
+  return {{}, over_focal < 1 && evidence >= kSettlingEvidence * options.min_evidence};
 }
 
 MapCorrection AdaptToResidual(Map map, const CameraResidual& known, const std::atomic<bool>* stop) {

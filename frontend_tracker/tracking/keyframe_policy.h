@@ -28,6 +28,8 @@ class KeyFramePolicy {
 
   /// First condition: at least 10 points and s = n / m > 0.7.
   bool IsQualityGood(const Frame& frame) const;
+  /// Beyond the paper: what is enough of a frame that is urgent.
+  bool IsQualityFair(const Frame& frame) const;
   /// Second condition, Eq. (7): s_ci / d_c > s_01 / d_0.
   bool IsFarEnough(const Map& map, const Frame& frame) const { return IsFar(map, frame, options_.distance_factor); }
   /// Beyond the paper: the frame has lost sight of much of what its reference keyframe sees, as when the camera turns; in a known place, of most.

@@ -146,6 +146,20 @@ TEST_F(KeyFramePolicyTest, AKnownPlaceIsNotMappedAgainForWhatIsNotTrackedOfIt) {
   EXPECT_TRUE(policy_.IsInKnownPlace(frame));
 }
 
+TEST_F(KeyFramePolicyTest, AnUrgentFrameNeedsLessQualityIfTheMapperIsIdle) {
+  Frame blurred = MakeFrame(1.5, 1.0);  // far enough to be urgent
+  blurred.num_inliers = 30;
+  blurred.num_candidates = 70;
+  EXPECT_FALSE(policy_.IsQualityGood(blurred));
+  EXPECT_EQ(policy_.Decide(map_, blurred, true), Decision::kInsert);
+  EXPECT_EQ(policy_.Decide(map_, blurred, false), Decision::kNo) << "no reason to stop what the mapper does";
+  blurred.num_candidates = 75;
+  EXPECT_EQ(policy_.Decide(map_, blurred, true), Decision::kNo) << "s > 0.4, not equal";
+  blurred.num_candidates = 70;
+  blurred.num_inliers = 29;
+  EXPECT_EQ(policy_.Decide(map_, blurred, true), Decision::kNo);
+}
+
 TEST_F(KeyFramePolicyTest, ABusyMapperIsInterruptedOnlyIfItAloneIsInTheWay) {
   EXPECT_EQ(policy_.Decide(map_, MakeFrame(1.5, 1.0), false), Decision::kInterrupt);
   EXPECT_EQ(policy_.Decide(map_, MakeFrame(0.5, 1.0), false), Decision::kNo);

@@ -76,7 +76,7 @@ bool MapLocalizer::LocalizeNear(const Map& map, const Rigid3d& predicted_camera_
 }
 
 bool MapLocalizer::LocalizeByWords(const Map& map, const KeyFrameIndex& index, Frame* frame) {
-  return relocalizer_.Relocalize(map, index, &tracker_, frame);
+  return relocalizer_.Relocalize(map, index, std::nullopt, &tracker_, frame);
 }
 
 }  // namespace portolan

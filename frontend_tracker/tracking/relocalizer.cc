@@ -59,11 +59,13 @@ std::vector<FeatureMatch> MatchLandmarks(const KeyFrame& keyframe, const KeyFram
 
 bool Relocalizer::IsSure(const Frame& frame) { return IsBeyondChance(frame) && IsSpread(frame); }
 
-bool Relocalizer::Relocalize(const Map& map, const KeyFrameIndex& index, MapTracker* tracker, Frame* frame) const {
+bool Relocalizer::Relocalize(const Map& map, const KeyFrameIndex& index, const std::optional<CameraReach>& reach, MapTracker* tracker,
+                             Frame* frame) const {
   CandidateOptions candidate_options;
   candidate_options.most = static_cast<size_t>(options_.max_candidates);
   for (const Candidate& candidate : FindCandidates(frame->data->bow, index, map, candidate_options, nullptr)) {
-    if (TrackKeyFrame(map, candidate.keyframe, options_.min_inliers, tracker, frame) && IsSure(*frame)) return true;
+    if (!TrackKeyFrame(map, candidate.keyframe, options_.min_inliers, tracker, frame) || !IsSure(*frame)) continue;
+    if (!reach || reach->Contains(frame->camera_from_map)) return true;
   }
   return false;
 }

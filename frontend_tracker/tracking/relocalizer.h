@@ -1,8 +1,9 @@
 #pragma once
 
-#include <functional>
+#include <optional>
 
 #include "map/map.h"
+#include "tracking/camera_reach.h"
 #include "tracking/coarse_to_fine.h"
 #include "tracking/frame.h"
 #include "tracking/tracker_options.h"
@@ -16,8 +17,8 @@ class Relocalizer {
  public:
   Relocalizer(const RelocalizerOptions& options, uint64_t seed) : options_(options), seed_(seed) {}
 
-  /// @param frame with words computed. On success it is tracked (pose, landmarks, counts), and sure.
-  bool Relocalize(const Map& map, const KeyFrameIndex& index, MapTracker* tracker, Frame* frame) const;
+  /// @param reach where the camera can be, if that is known. @param frame with words computed. On success it is tracked (pose, landmarks, counts), and sure.
+  bool Relocalize(const Map& map, const KeyFrameIndex& index, const std::optional<CameraReach>& reach, MapTracker* tracker, Frame* frame) const;
 
   /// The same against one keyframe, from matches by node alone: when the motion model failed but the place is known. @param min_inliers to accept. Whether
   /// the place is right, something else must vouch for, or IsSure.

@@ -52,7 +52,7 @@ class RelocalizerTest : public ::testing::Test {
 
 TEST_F(RelocalizerTest, FindsThePlace) {
   Frame frame = FrameOfView(scene_, kLostView);
-  ASSERT_TRUE(relocalizer_.Relocalize(map_, index_, &tracker_, &frame));
+  ASSERT_TRUE(relocalizer_.Relocalize(map_, index_, std::nullopt, &tracker_, &frame));
   const Rigid3d truth = scene_.views[kLostView].camera_from_world;
   // As in tracking: half a pixel times the level's scale over f = 500, over the root of some hundred matches; a factor
   // 4 of safety.
@@ -73,7 +73,7 @@ TEST_F(RelocalizerTest, TracksAgainstAGivenKeyFrame) {
 TEST_F(RelocalizerTest, AnotherPlaceIsNotFound) {
   for (size_t view = 0; view < elsewhere_.views.size(); view += 2) {
     Frame frame = FrameOfView(elsewhere_, view);
-    EXPECT_FALSE(relocalizer_.Relocalize(map_, index_, &tracker_, &frame));
+    EXPECT_FALSE(relocalizer_.Relocalize(map_, index_, std::nullopt, &tracker_, &frame));
   }
 }
 
@@ -103,15 +103,22 @@ TEST_F(RelocalizerTest, ACornerThatLooksTheSameIsNoPlace) {
   other.landmarks.assign(features.size(), MapPointId());
   ASSERT_TRUE(relocalizer_.TrackKeyFrame(map_, scene_.views[3].data->id, 30, &tracker_, &other)) << "by their number alone it would be believed";
   EXPECT_FALSE(Relocalizer::IsSure(other));
-  EXPECT_FALSE(relocalizer_.Relocalize(map_, index_, &tracker_, &other));
+  EXPECT_FALSE(relocalizer_.Relocalize(map_, index_, std::nullopt, &tracker_, &other));
+}
+
+TEST_F(RelocalizerTest, APlaceOutOfReachOnlyLooksTheSame) {
+  const Eigen::Vector3d centre = scene_.views[kLostView].camera_from_world.TargetOriginInSource();
+  Frame frame = FrameOfView(scene_, kLostView);
+  EXPECT_TRUE(relocalizer_.Relocalize(map_, index_, CameraReach{centre, 0.1}, &tracker_, &frame));
+  EXPECT_FALSE(relocalizer_.Relocalize(map_, index_, CameraReach{centre + Eigen::Vector3d(0, 0, 0.2), 0.1}, &tracker_, &frame));
 }
 
 TEST_F(RelocalizerTest, NothingToFindInAnEmptyMapOrWithoutWords) {
   Frame frame = FrameOfView(scene_, kLostView);
-  EXPECT_FALSE(relocalizer_.Relocalize(map_, KeyFrameIndex(), &tracker_, &frame));
+  EXPECT_FALSE(relocalizer_.Relocalize(map_, KeyFrameIndex(), std::nullopt, &tracker_, &frame));
   EXPECT_FALSE(relocalizer_.TrackKeyFrame(map_, KeyFrameId(), 30, &tracker_, &frame));
   frame.data = MakeKeyFrameData(*frame.data, nullptr);
-  EXPECT_FALSE(relocalizer_.Relocalize(map_, index_, &tracker_, &frame));
+  EXPECT_FALSE(relocalizer_.Relocalize(map_, index_, std::nullopt, &tracker_, &frame));
 }
 
 }  // namespace

@@ -114,6 +114,7 @@ Eigen::Quaterniond Tracker::EstimateRotation(const Frame& frame, const Eigen::Qu
   const auto estimate = rotation_estimator_.EstimateRotation(last_frame_->small, frame.small, predicted);
   stage_times_.Add("esm", stopwatch.Milliseconds());
   turn_by_image_ = estimate.ok ? estimate.current_from_reference : predicted;
+  is_view_continuous_ = is_view_continuous_ && estimate.ok;
   return *turn_by_image_;
 }
 
@@ -127,6 +128,12 @@ void Tracker::Reckon(Frame* frame, bool is_tracked) {
     turn = turn_by_image_ ? *turn_by_image_ : EstimateRotation(*frame, Eigen::Quaterniond::Identity());
   }
   frame->camera_from_start = (turn * last_frame_->camera_from_start).normalized();
+}
+
+/// Where the camera can be in the active map, as long as its pictures followed one another since it was tracked there; after a cut or in the dark, anywhere.
+std::optional<CameraReach> Tracker::Reach(Timestamp now) const {
+  if (!options_.use_esm || !is_view_continuous_) return std::nullopt;
+  return ReachOfCamera(history_, ActiveMap(), now);
 }
 
 std::vector<Rigid3d> Tracker::PredictPoses(const Frame& frame) {
@@ -187,9 +194,12 @@ bool Tracker::TrackInMap(Frame* frame) {
   const Stopwatch stopwatch;
   const Rigid3d predicted = frame->camera_from_map;
   AddWords(frame);
-  const bool found = (relocalizer_.TrackKeyFrame(map, reference_keyframe_, options_.min_tracked_points, &map_tracker_, frame) &&
-                      (IsNear(map, predicted, *frame) || Relocalizer::IsSure(*frame))) ||
-                     relocalizer_.Relocalize(map, maps_.index(active_map_), &map_tracker_, frame);
+  const std::optional<CameraReach> reach = Reach(frame->stamp);
+  const auto is_right = [&] {
+    return IsNear(map, predicted, *frame) || (Relocalizer::IsSure(*frame) && (!reach || reach->Contains(frame->camera_from_map)));
+  };
+  const bool found = (relocalizer_.TrackKeyFrame(map, reference_keyframe_, options_.min_tracked_points, &map_tracker_, frame) && is_right()) ||
+                     relocalizer_.Relocalize(map, maps_.index(active_map_), reach, &map_tracker_, frame);
   stage_times_.Add("relocalize", stopwatch.Milliseconds());
   if (found) {
     velocity_model_.Reset();
@@ -202,6 +212,7 @@ bool Tracker::TrackInMap(Frame* frame) {
 void Tracker::OnTracked(Frame* frame, Output* output) {
   Reckon(frame, true);
   state_ = TrackingState::kTracking;
+  is_view_continuous_ = true;
   lost_frames_ = 0;
   lost_since_.reset();
   frame->map = active_map_;
@@ -223,6 +234,8 @@ void Tracker::OnTracked(Frame* frame, Output* output) {
 void Tracker::OnFailed(Frame frame) {
   Reckon(&frame, false);
   ++lost_frames_;
+  spdlog::debug("frame {}: not tracked, {} features, the pictures {}", frame.number, frame.data->features.size(),
+                is_view_continuous_ ? "follow one another" : "have jumped");
   state_ = TrackingState::kRelocalizing;
   ring_.AddFailed(frame);
   const uint64_t number = frame.number;
@@ -241,6 +254,9 @@ void Tracker::ConsiderKeyFrame(Frame* frame, Output* output) {
   // A full map grows no more, but for what is needed to go on in it until the next one is there.
   if (options_.localization_only || (IsFull(map) && !beginning_.map().IsValid() && !move_)) return;
   const auto decision = keyframe_policy_.Decide(map, *frame, IsMapperIdle());
+  spdlog::debug("frame {}: {} of {} landmarks, view {}, urgent {}, mapper idle {}: {}", frame->number, frame->num_inliers, frame->num_candidates,
+                keyframe_policy_.IsViewNew(map, *frame) ? "new" : "known", keyframe_policy_.IsUrgent(map, *frame), IsMapperIdle(),
+                decision == KeyFramePolicy::Decision::kInsert ? "keyframe" : "no keyframe");
   output->state.interrupt_mapper = decision == KeyFramePolicy::Decision::kInterrupt;
   const bool is_kept_for_later = decision == KeyFramePolicy::Decision::kInterrupt && is_mapper_silent_;
   if (decision != KeyFramePolicy::Decision::kInsert && !is_kept_for_later) return;

@@ -14,6 +14,7 @@
 #include "map/map_replica.h"
 #include "map/protocol.h"
 #include "tracking/backfill.h"
+#include "tracking/camera_reach.h"
 #include "tracking/coarse_to_fine.h"
 #include "tracking/followed_maps.h"
 #include "tracking/frame_history.h"
@@ -117,6 +118,7 @@ class Tracker {
   void AddWords(Frame* frame) const;
   Eigen::Quaterniond EstimateRotation(const Frame& frame, const Eigen::Quaterniond& predicted);
   void Reckon(Frame* frame, bool is_tracked);
+  std::optional<CameraReach> Reach(Timestamp now) const;
 
   // Paper Fig. 2 and Sec. 3.2.
   /// Where the camera may be, the likeliest first.
@@ -247,6 +249,7 @@ class Tracker {
   MapId active_map_;                                        // none until the first map is there
   std::optional<Frame> last_frame_;                         // tracked or not; its pose is the prediction if not
   std::optional<Eigen::Quaterniond> turn_by_image_;         // from last_frame_ to the one in work, as ESM saw it
+  bool is_view_continuous_ = false;                         // ESM has followed the pictures since the last tracked frame
   std::vector<ReferenceLandmark> reference_;                // of the last tracked frame
   KeyFrameId reference_keyframe_;
   int lost_frames_ = 0;

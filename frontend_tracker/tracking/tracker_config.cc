@@ -34,10 +34,13 @@ void ReadTracker(ConfigReader* config, TrackerOptions* tracker) {
   config->Read("tracker.keyframe.min_points", &keyframe.min_points, {4, 1000});
   config->Read("tracker.keyframe.min_quality", &keyframe.min_quality, {0, 0.99});
   config->Read("tracker.keyframe.sure_points", &keyframe.sure_points, {4, 20000});
+  config->Read("tracker.keyframe.urgent_quality", &keyframe.urgent_quality, {0, 0.99});
+  config->Read("tracker.keyframe.urgent_points", &keyframe.urgent_points, {4, 20000});
   config->Read("tracker.keyframe.max_reference_overlap", &keyframe.max_reference_overlap, {0, 1});
   config->Read("tracker.keyframe.known_place_overlap", &keyframe.known_place_overlap, {0, 1});
   config->Read("tracker.keyframe.recent_keyframes", &keyframe.recent_keyframes, {1, 100000});
   config->Read("tracker.keyframe.urgent_reference_overlap", &keyframe.urgent_reference_overlap, {0, 1});
+  config->Read("tracker.keyframe.few_points", &keyframe.few_points, {0, 20000});
   config->Read("tracker.keyframe.urgent_distance_factor", &keyframe.urgent_distance_factor, {0.01, 100});
   config->Read("tracker.keyframe.min_interval_s", &keyframe.min_interval_s, {0, 60});
   config->Read("tracker.keyframe.distance_factor", &keyframe.distance_factor, {0.01, 100});

@@ -173,7 +173,7 @@ bool Tracker::RelocalizeAnywhere(Frame* frame) {
   if (move_ && TryPlannedMove(frame, false)) return took(true);
   if (maps_.replicas().empty()) return false;
   AddWords(frame);
-  if (active_map_.IsValid() && relocalizer_.Relocalize(ActiveMap(), maps_.index(active_map_), &map_tracker_, frame)) {
+  if (active_map_.IsValid() && relocalizer_.Relocalize(ActiveMap(), maps_.index(active_map_), Reach(frame->stamp), &map_tracker_, frame)) {
     velocity_model_.Reset();
     StopBeginning();
     return took(true);

@@ -70,12 +70,12 @@ void Tracker::OfferTrackedPair(const Frame& frame, Output* output) {
 }
 
 void Tracker::Initialize(Frame frame, Output* output) {
+  Reckon(&frame, false);
   if (RelocalizeAnywhere(&frame)) {
     OnTracked(&frame, output);
     return;
   }
   frame.map = MapId();
-  Reckon(&frame, false);
   AskForPlace(&frame, output);
   if (beginning_.map().IsValid()) {
     const Stopwatch stopwatch;

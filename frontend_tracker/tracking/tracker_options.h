@@ -25,12 +25,15 @@ struct KeyFramePolicyOptions {
   double min_quality = 0.7;            ///< s = n / m above it: quality is good (paper)
   int sure_points = 100;               ///< beyond the paper: with this many inliers the pose is good whatever their share. Where texture repeats many
                                        ///< matches are wrong, and without new keyframes tracking would starve
+  double urgent_quality = 0.4;         ///< beyond the paper: enough for a frame that is urgent while the mapper is idle, as in a fast turn whose pictures
+  int urgent_points = 30;              ///< are blurred; with so many inliers its pose is good enough to grow the map from; without it the camera would be lost
   double max_reference_overlap = 0.9;  ///< beyond the paper: share of the reference keyframe's established landmarks still tracked, below which
                                        ///< the view has changed enough even without translation (rotation into the unseen)
   double known_place_overlap = 0.6;    ///< the same where the reference is older than recent_keyframes: a place that has been mapped. What is not tracked
                                        ///< there of all that was ever seen is no news, and mapping it again would let maps grow with every lap
   int recent_keyframes = 30;           ///< of this tracker, the youngest: where it is mapping
   double urgent_reference_overlap = 0.6;  ///< below this share the frame is urgent: a busy mapper is interrupted for it
+  int few_points = 120;                   ///< with fewer inliers than this, and a new view, it is too: some frames more and the camera would be lost
   double urgent_distance_factor = 1.0;    ///< from this factor on (the paper's Eq. 7) too. What is less urgent waits for an idle mapper: a BA that is
                                           ///< interrupted for every frame never gets anywhere
   double min_interval_s = 0.0;         ///< at least this long after the last keyframe

@@ -1,0 +1,43 @@
+#include "tracking/camera_reach.h"
+
+#include <algorithm>
+
+namespace portolan {
+namespace {
+
+constexpr double kRememberedS = 2.0;       // after that a camera may be anywhere
+constexpr double kSpeedOverS = 0.5;        // what its speed is measured over
+constexpr double kSpeedFactor = 3.0;       // it may have gone so much faster since
+constexpr double kSlack = 0.5;             // of the depth of what it saw: it may have stood still, or its last poses been poor
+constexpr double kDepthsPerSecond = 1.0;   // faster nothing moves past a camera that is to map it
+
+/// Whether they are of one map and one tracker's time.
+bool IsWithin(const FrameRecord& record, const FrameRecord& latest, double seconds) {
+  return record.map == latest.map && SecondsBetween(record.stamp, latest.stamp) <= seconds;
+}
+
+}  // namespace
+
+std::optional<CameraReach> ReachOfCamera(const FrameHistory& history, const Map& map, Timestamp now) {
+  if (history.records().empty()) return std::nullopt;
+  auto record = history.records().rbegin();
+  const FrameRecord& latest = record->second;
+  const double elapsed_s = SecondsBetween(latest.stamp, now);
+  if (latest.map != map.id() || elapsed_s > kRememberedS) return std::nullopt;
+  const auto last_pose = FrameHistory::CameraFromMap(map, latest);
+  if (!last_pose) return std::nullopt;
+
+  CameraReach reach;
+  reach.centre_in_map = last_pose->TargetOriginInSource();
+  double speed = 0;  // map units per second, the fastest
+  for (++record; record != history.records().rend() && IsWithin(record->second, latest, kSpeedOverS); ++record) {
+    const auto pose = FrameHistory::CameraFromMap(map, record->second);
+    const double seconds = SecondsBetween(record->second.stamp, latest.stamp);
+    if (pose && seconds > 0) speed = std::max(speed, (pose->TargetOriginInSource() - reach.centre_in_map).norm() / seconds);
+  }
+  const double depth = map.MedianDepth(latest.anchor);
+  reach.radius = kSlack * depth + elapsed_s * std::max(kSpeedFactor * speed, kDepthsPerSecond * depth);
+  return reach;
+}
+
+}  // namespace portolan
