@@ -160,6 +160,23 @@ TEST_F(KeyFramePolicyTest, AnUrgentFrameNeedsLessQualityIfTheMapperIsIdle) {
   EXPECT_EQ(policy_.Decide(map_, blurred, true), Decision::kNo);
 }
 
+TEST_F(KeyFramePolicyTest, ABusyMapperIsInterruptedBeforeTheLandmarksRunOut) {
+  SyntheticSceneOptions options = scene_.options;
+  options.num_views = 4;
+  scene_ = MakeSyntheticScene(options);
+  map_ = BuildMap(scene_);
+  // Where it stands at a keyframe, with a view that has changed, but not so much that it would be urgent by its share.
+  const Frame turned = MakeFrame(0.5, 0.7);
+  KeyFramePolicyOptions paper = PaperOptions();
+  paper.few_points = turned.num_inliers;
+  EXPECT_EQ(KeyFramePolicy(paper).Decide(map_, turned, false), Decision::kNo);
+  paper.few_points = turned.num_inliers + 1;
+  EXPECT_EQ(KeyFramePolicy(paper).Decide(map_, turned, false), Decision::kInterrupt);
+  Frame known = MakeFrame(0.5, 0.95);
+  paper.few_points = known.num_inliers + 1;
+  EXPECT_EQ(KeyFramePolicy(paper).Decide(map_, known, false), Decision::kNo) << "few, but no fewer than the keyframe sees";
+}
+
 TEST_F(KeyFramePolicyTest, ABusyMapperIsInterruptedOnlyIfItAloneIsInTheWay) {
   EXPECT_EQ(policy_.Decide(map_, MakeFrame(1.5, 1.0), false), Decision::kInterrupt);
   EXPECT_EQ(policy_.Decide(map_, MakeFrame(0.5, 1.0), false), Decision::kNo);
