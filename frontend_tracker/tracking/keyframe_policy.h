@@ -39,7 +39,7 @@ class KeyFramePolicy {
   /// Whether the map ends here, for one that is to get no more keyframes: the frame is too far from all of them (Eq. 7 as it stands in the paper) and not
   /// between two, or sees little of the map.
   bool IsLeaving(const Map& map, const Frame& frame) const;
-  /// Whether the frame is worth interrupting a busy mapper for: by the same two measures, with their urgent limits.
+  /// Whether the frame is worth interrupting a busy mapper for: by the same two measures, with their urgent limits, or before the landmarks run out.
   bool IsUrgent(const Map& map, const Frame& frame) const;
 
  private:
