@@ -1,11 +1,13 @@
-// portolan_overlap_replay: looks the keyframes of one finished map (portolan_pipeline_run --save-maps, portolan export) up in
-// the others, in their order, as the atlas_server does. Prints what is found, refused and why, and the times.
+// portolan_overlap_replay: looks the keyframes of one finished map (of an atlas.db, portolan_pipeline_run --save-maps or portolan export) up in the others,
+// in their order, as the atlas_server does. Prints what is found, refused and why, and the times.
 
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <filesystem>
 
 #include "atlas/map_joiner.h"
+#include "atlas/map_store.h"
 #include "atlas/overlap_detector.h"
 #include "base/time.h"
 #include "map/map_file.h"
@@ -21,10 +23,20 @@ struct Arguments {
   OverlapOptions options;
 };
 
+Result<std::vector<StoredMap>> ReadAtlas(const std::string& file) {
+  auto store = MapStore::Open(file);
+  if (!store) return store.error();
+  auto content = (*store)->Load();
+  if (!content) return content.error();
+  return std::move(content->maps);
+}
+
+bool IsAtlas(const std::string& file) { return std::filesystem::path(file).extension() == ".db"; }
+
 Result<std::vector<Map>> ReadMaps(const std::vector<std::string>& files, const Vocabulary& vocabulary) {
   std::vector<Map> maps;
   for (const std::string& file : files) {
-    const auto stored = ReadMapFile(file);
+    const auto stored = IsAtlas(file) ? ReadAtlas(file) : ReadMapFile(file);
     if (!stored) return stored.error();
     for (const StoredMap& map : *stored) {
       Result<Map> restored = RestoreMap(map, &vocabulary);
@@ -104,7 +116,7 @@ Status Run(const Arguments& arguments) {
 int main(int argc, char** argv) {
   CLI::App app("Overlaps between finished maps, as the atlas_server finds them", "portolan_overlap_replay");
   portolan::Arguments arguments;
-  app.add_option("files", arguments.files, "of maps")->required();
+  app.add_option("files", arguments.files, "of maps, or atlas.db")->required();
   app.add_option("--query", arguments.query, "which map's keyframes are looked up, by age from 1 (default: the last)");
   app.add_flag("--fuse", arguments.fuse, "propose the fusion that follows from the first overlap");
   app.add_flag("--verbose", arguments.verbose, "print what is refused too");

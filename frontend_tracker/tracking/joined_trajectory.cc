@@ -7,6 +7,8 @@ namespace portolan {
 namespace {
 
 constexpr size_t kSpeedFrames = 20;
+constexpr size_t kVelocityFrames = 6;  // on each side of a gap: in a turn the direction is soon another
+constexpr double kMaxGapS = 5.0;       // over which the camera is assumed to have gone on
 
 /// Median speed between consecutive poses, lengths per second; 0 if it can't be told.
 double MedianSpeed(const Trajectory& poses) {
@@ -20,6 +22,13 @@ double MedianSpeed(const Trajectory& poses) {
   const auto middle = speeds.begin() + static_cast<ptrdiff_t>(speeds.size() / 2);
   std::nth_element(speeds.begin(), middle, speeds.end());
   return *middle;
+}
+
+/// From the first pose to the last, lengths per second in the frame of the poses; zero if it can't be told.
+Eigen::Vector3d MeanVelocity(Trajectory::const_iterator first, Trajectory::const_iterator last) {
+  const double dt = SecondsBetween(first->stamp, last->stamp);
+  if (dt <= 0) return Eigen::Vector3d::Zero();
+  return (last->world_from_camera.translation - first->world_from_camera.translation) / dt;
 }
 
 /// By stamp, the orientations of frames by dead reckoning.
@@ -42,7 +51,12 @@ Sim3d Continue(const Trajectory& before, const Trajectory& after, const Orientat
   const Rigid3d& to = first.front().world_from_camera;
   const Eigen::Quaterniond turn = TurnBetween(camera_from_start, last.back().stamp, first.front().stamp);
   const Eigen::Quaterniond rotation = (from.rotation * turn.conjugate() * to.rotation.conjugate()).normalized();
-  return Sim3d(scale, rotation, from.translation - scale * (rotation * to.translation));
+  // Between the two it went on as the mean of how it went before and after.
+  const auto frames = static_cast<ptrdiff_t>(std::min({before.size(), after.size(), kVelocityFrames}));
+  const Eigen::Vector3d velocity = 0.5 * (MeanVelocity(before.end() - frames, before.end() - 1) +
+                                          scale * (rotation * MeanVelocity(after.begin(), after.begin() + (frames - 1))));
+  const double gap_s = std::clamp(SecondsBetween(last.back().stamp, first.front().stamp), 0.0, kMaxGapS);
+  return Sim3d(scale, rotation, from.translation + gap_s * velocity - scale * (rotation * to.translation));
 }
 
 Rigid3d InJoined(const Sim3d& joined_from_map, const Rigid3d& camera_from_map) {

@@ -25,8 +25,8 @@ struct RunTrajectories {
 };
 
 /// A map's place in the joined frame comes from the links, along the fewest of them from the first map. One that is linked to none of those before is hung
-/// on by assumption: the camera went on from where it was last, turned as dead reckoning says, as fast as before (median speed over kSpeedFrames frames on
-/// each side gives the scale).
+/// on by assumption: the camera went on from where it was last, at the mean of the velocities on both sides of the gap, turned as dead reckoning says, as
+/// fast as before (median speed over kSpeedFrames frames on each side gives the scale).
 RunTrajectories MakeTrajectories(const FrameHistory& history, const std::map<MapId, MapReplica>& replicas, const LinkGraph& links);
 
 }  // namespace portolan

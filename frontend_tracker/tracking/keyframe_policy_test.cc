@@ -166,15 +166,19 @@ TEST_F(KeyFramePolicyTest, ABusyMapperIsInterruptedBeforeTheLandmarksRunOut) {
   scene_ = MakeSyntheticScene(options);
   map_ = BuildMap(scene_);
   // Where it stands at a keyframe, with a view that has changed, but not so much that it would be urgent by its share.
-  const Frame turned = MakeFrame(0.5, 0.7);
-  KeyFramePolicyOptions paper = PaperOptions();
-  paper.few_points = turned.num_inliers;
-  EXPECT_EQ(KeyFramePolicy(paper).Decide(map_, turned, false), Decision::kNo);
-  paper.few_points = turned.num_inliers + 1;
-  EXPECT_EQ(KeyFramePolicy(paper).Decide(map_, turned, false), Decision::kInterrupt);
-  Frame known = MakeFrame(0.5, 0.95);
-  paper.few_points = known.num_inliers + 1;
-  EXPECT_EQ(KeyFramePolicy(paper).Decide(map_, known, false), Decision::kNo) << "few, but no fewer than the keyframe sees";
+  const Frame turned = MakeFrame(0.5, 0.65);
+  const auto decide = [&](const Frame& frame, int few_points) {
+    KeyFramePolicyOptions with_few = PaperOptions();
+    with_few.few_points = few_points;
+    KeyFramePolicy policy(with_few);
+    policy.StartMap(map_);
+    policy.NoteKeyFrame(frame.reference, Timestamp::FromSeconds(1));
+    return policy.Decide(map_, frame, false);
+  };
+  EXPECT_EQ(decide(turned, turned.num_inliers), Decision::kNo);
+  EXPECT_EQ(decide(turned, turned.num_inliers + 1), Decision::kInterrupt);
+  const Frame known = MakeFrame(0.5, 0.95);
+  EXPECT_EQ(decide(known, known.num_inliers + 1), Decision::kNo) << "few, but no fewer than the keyframe sees";
 }
 
 TEST_F(KeyFramePolicyTest, ABusyMapperIsInterruptedOnlyIfItAloneIsInTheWay) {

@@ -1,6 +1,7 @@
 #include "tracking/map_link.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 #include "base/statistics.h"
@@ -13,11 +14,21 @@ double DepthOf(const FrameInMap& frame, MapPointId id) {
   return point == nullptr ? 0 : (frame.camera_from_map * point->position_in_map.cast<double>()).z();
 }
 
+/// Standard error of the median of samples, from their median absolute deviation, which outliers hardly move.
+double ErrorOfMedian(const std::vector<double>& samples, double median) {
+  constexpr double kSigmaOverDeviation = 1.4826, kMedianOverMean = 1.2533;  // of a normal distribution
+  std::vector<double> deviations;
+  for (const double sample : samples) deviations.push_back(std::abs(sample - median));
+  return kMedianOverMean * kSigmaOverDeviation * Quantile(std::move(deviations), 0.5) / std::sqrt(static_cast<double>(samples.size()));
+}
+
 std::optional<double> ScaleOf(const Overlap& overlap) {
-  if (overlap.depths.size() < kMinOverlapFeatures) return std::nullopt;
+  if (overlap.depths.size() < kFewOverlapFeatures) return std::nullopt;
   std::vector<double> ratios;
   for (const auto& [in_map, in_other] : overlap.depths) ratios.push_back(in_map / in_other);
-  return Quantile(std::move(ratios), 0.5);
+  const double scale = Quantile(ratios, 0.5);
+  if (ratios.size() < kMinOverlapFeatures && ErrorOfMedian(ratios, scale) > kMaxScaleError * scale) return std::nullopt;
+  return scale;
 }
 
 /// How far two links put a camera and what it sees apart: turn in radians, and shift in units of what it sees. @param depth in the target map's units.

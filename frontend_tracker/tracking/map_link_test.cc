@@ -80,13 +80,24 @@ TEST_F(MapLinkTest, AWayTellsTheScaleBetterThanDepthsThatErrToOneSide) {
   EXPECT_NEAR(still->scale / map_from_other_.scale, 1.05, 1e-3);
 }
 
-TEST_F(MapLinkTest, NeedsTwentyFeaturesThatBothMapsKnow) {
+TEST_F(MapLinkTest, FewFeaturesThatBothMapsKnowMustAgree) {
   Overlap overlap = OverlapOfView(2);
   overlap.depths.resize(kMinOverlapFeatures - 1);
-  EXPECT_FALSE(MeasureLink({overlap}));
+  EXPECT_TRUE(MeasureLink({overlap}));
+  overlap.depths.resize(kFewOverlapFeatures);
+  EXPECT_TRUE(MeasureLink({overlap}));
+  overlap.depths.pop_back();
+  EXPECT_FALSE(MeasureLink({overlap})) << "too few, however well they agree";
   EXPECT_FALSE(MeasureLink({}));
+
+  Overlap doubtful = OverlapOfView(2);
+  doubtful.depths.resize(12);
+  for (size_t i = 0; i < doubtful.depths.size(); ++i) doubtful.depths[i].first *= 1 + 0.1 * static_cast<double>(i);
+  EXPECT_FALSE(MeasureLink({doubtful}));
   // Another frame decides then.
-  EXPECT_TRUE(MeasureLink({overlap, OverlapOfView(3)}));
+  const auto link = MeasureLink({doubtful, OverlapOfView(3)});
+  ASSERT_TRUE(link);
+  EXPECT_NEAR(link->scale / map_from_other_.scale, 1, 1e-4);
 }
 
 TEST_F(MapLinkTest, LandmarksThatAreGoneOrBehindTheCameraDoNotCount) {
