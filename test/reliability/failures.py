@@ -20,6 +20,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 
 import failures_plan
@@ -35,6 +36,7 @@ GROUND_TRUTHS = ("groundtruth.txt", "poses.txt", "mav0/state_groundtruth_estimat
 # What is filmed unless --data is given: twice through a part of a room and back. Without a mapper no map grows, so a camera that goes on into the unknown
 # is lost whatever the system does: it has to come by again where it was.
 PARTS = "all,last-0,all,last-0"
+MADE = pathlib.Path(tempfile.gettempdir()) / "portolan_sequences"  # out of the repository, which holds no data
 SCENE = ("room", "--frames", "150", "--size", "320x240", "--seed", "1")
 FIRST_KILL_S = 1.5      # after the first tracked frame: from then on there is something to lose
 AFTER_RESTART_S = 6.0   # at least left of the run when the last process comes again
@@ -202,7 +204,7 @@ def recall_or_run(options, vendor, steps, name):
 
 def render(options):
     """The default sequence, once."""
-    there, back = options.out / "room", options.out / "room_and_back"
+    there, back = MADE / "room", MADE / "room_and_back"
     if not (back / "groundtruth.txt").is_file():
         say("rendering a room, once")
         subprocess.run([options.bin / "portolan_synth", *SCENE, "--out", there, "--quiet", "--force"], check=True)
