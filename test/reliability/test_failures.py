@@ -83,10 +83,12 @@ class VerdictTest(unittest.TestCase):
             self.assertEqual(failures_plan.judge(make_result(**change), 0.012), [reason])
 
     def test_the_limit_is_a_fifth_above_the_worst_undisturbed_run(self):
-        references = {"fastdds": [make_result(ate=0.01), make_result(ate=0.02), make_result(ate=None)], "cyclonedds": [make_result(ate=None)]}
-        limits = failures_plan.ate_limits(references)
-        self.assertAlmostEqual(limits["fastdds"], 0.024)
-        self.assertIsNone(limits["cyclonedds"])
+        self.assertAlmostEqual(failures_plan.ate_limit([0.01, 0.02, None]), 0.024)
+        self.assertIsNone(failures_plan.ate_limit([None]))
+
+    def test_runs_are_compared_on_the_same_frames(self):
+        whole = ["# stamp tx ty tz qx qy qz qw\n", "1.0 0 0 0 0 0 0 1\n", "2.0 1 0 0 0 0 0 1\n", "3.0 2 0 0 0 0 0 1\n"]
+        self.assertEqual(failures_plan.same_frames(whole, ["2.0 9 9 9 0 0 0 1\n", "# end\n", "4.0 9 9 9 0 0 0 1\n"]), [whole[2]])
 
     def test_a_row_says_all_of_a_run(self):
         self.assertEqual(
@@ -96,7 +98,7 @@ class VerdictTest(unittest.TestCase):
         self.assertEqual(failures_plan.row(CASE, make_result(), 1).count("|"), len(failures_plan.COLUMNS) + 1)
 
     def test_a_summary_counts_the_good_ones(self):
-        text = failures_plan.summarize([(CASE, make_result()), (CASE, make_result(ate=1.0))], {"fastdds": [make_result()]})
+        text = failures_plan.summarize([(CASE, make_result(), 0.012), (CASE, make_result(ate=1.0), 0.012)], {"fastdds": [make_result()]})
         self.assertIn("1 of 2 runs good", text)
         self.assertIn("fastdds: 0.0100 m of 1.", text)
         self.assertEqual(text.count("| 1003 |"), 2)
