@@ -33,11 +33,11 @@ import launch_arguments  # noqa: E402
 SECTION = "kill -9 (test/reliability/failures.py)"
 FRONTEND = launch_arguments.FRONTEND
 GROUND_TRUTHS = ("groundtruth.txt", "poses.txt", "mav0/state_groundtruth_estimate0/data.csv")
-# What is filmed unless --data is given: twice through a part of a room and back. Without a mapper no map grows, so a camera that goes on into the unknown
+# What is filmed unless --data is given: twice up and down a street. Without a mapper no map grows, so a camera that goes on into the unknown
 # is lost whatever the system does: it has to come by again where it was.
 PARTS = "all,last-0,all,last-0"
 MADE = pathlib.Path(tempfile.gettempdir()) / "portolan_sequences"  # out of the repository, which holds no data
-SCENE = ("room", "--frames", "150", "--size", "320x240", "--seed", "1")
+SCENE = ("street", "--frames", "150", "--size", "320x240", "--seed", "1")
 FIRST_KILL_S = 1.5      # after the first tracked frame: from then on there is something to lose
 AFTER_RESTART_S = 6.0   # at least left of the run when the last process comes again
 START_DEADLINE_S = 60.0
@@ -226,9 +226,9 @@ def recall_or_run(options, vendor, steps, name):
 
 def render(options):
     """The default sequence, once."""
-    there, back = MADE / "room", MADE / "room_and_back"
+    there, back = MADE / "street", MADE / "street_and_back"
     if not (back / "groundtruth.txt").is_file():
-        say("rendering a room, once")
+        say("rendering a street, once")
         subprocess.run([options.bin / "portolan_synth", *SCENE, "--out", there, "--quiet", "--force"], check=True)
         shutil.rmtree(back, ignore_errors=True)
         subprocess.run([REPOSITORY / "test" / "sequences" / "make_sequence.py", there, back, "--parts", PARTS], check=True)
@@ -249,7 +249,7 @@ def parse(arguments):
     add("--only", type=int, metavar="N", help="the N-th of these runs alone")
     add("--references", type=int, default=3, help="undisturbed runs with each vendor, to compare with (default: %(default)s)")
     add("--vendors", nargs="+", choices=failures_plan.VENDORS, default=list(failures_plan.VENDORS), metavar="V", help="default: both")
-    add("--data", type=pathlib.Path, help="sequence with ground truth, TUM or KITTI layout (default: a rendered room, there and back twice)")
+    add("--data", type=pathlib.Path, help="sequence with ground truth, TUM or KITTI layout (default: a rendered street, up and down twice)")
     add("--max-frames", type=int, default=0, help="so many of its frames (default: all)")
     add("--speed", default="1", help="factor of real time (default: %(default)s)")
     add("--out", type=pathlib.Path, default=REPOSITORY / "runs" / "failures", help="default: %(default)s")
