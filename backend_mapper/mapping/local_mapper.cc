@@ -11,13 +11,28 @@
 #include "mapping/map_initialization.h"
 #include "mapping/point_creation.h"
 #include "optimization/pose_optimization.h"
+#include "place_recognition/landmark_search.h"
 
 namespace portolan {
+namespace {
+
+constexpr double kMinKnownShare = 0.5;  // of a keyframe's landmarks: with fewer in the map, it is not the map that the keyframe was tracked in
+constexpr size_t kKeyFramesAround = 10;
+constexpr double kPoseRadiusPx = 10.0;  // the map has moved a little since the pose was found
+
+}  // namespace
 
 /// What the tracker saw, as far as it still exists: matches and, in the same order, what they are matches of.
 struct LocalMapper::TrackedLandmarks {
   PoseMatches matches;
   std::vector<std::pair<uint32_t, MapPointId>> sources;
+
+  void Add(const KeyFrameData& data, uint32_t feature, const MapPoint& point) {
+    sources.emplace_back(feature, point.id);
+    matches.landmarks_in_map.push_back(point.position_in_map.cast<double>());
+    matches.pixels_px.push_back(data.features.pixels_px[feature].cast<double>());
+    matches.sigmas_px.push_back(data.pyramid.Sigma(data.features.octaves[feature]));
+  }
 };
 
 LocalMapper::LocalMapper(const MapperOptions& options, MapId map, Epoch epoch, IdMinter<MapPointId>* point_ids, Publish publish)
@@ -86,12 +101,31 @@ LocalMapper::TrackedLandmarks LocalMapper::FindLandmarks(const KeyFrameData& dat
         !point_used.insert(point->id).second)
       continue;
     feature_used[feature] = true;
-    tracked.sources.emplace_back(feature, point->id);
-    tracked.matches.landmarks_in_map.push_back(point->position_in_map.cast<double>());
-    tracked.matches.pixels_px.push_back(data.features.pixels_px[feature].cast<double>());
-    tracked.matches.sigmas_px.push_back(data.pyramid.Sigma(data.features.octaves[feature]));
+    tracked.Add(data, feature, *point);
   }
   return tracked;
+}
+
+/// A keyframe that comes again, because this map is older than the one it was tracked in, finds what it saw under other names, or not at all yet. The
+/// landmarks around its reference are where its pose puts them all the same.
+void LocalMapper::FindByPose(const KeyFrameData& data, KeyFrameId reference, const Rigid3d& camera_from_map, TrackedLandmarks* tracked) const {
+  std::unordered_set<uint32_t> features;
+  std::unordered_set<MapPointId> points;
+  for (const auto& [feature, point] : tracked->sources) {
+    features.insert(feature);
+    points.insert(point);
+  }
+  std::vector<KeyFrameId> keyframes{reference};
+  for (const auto& [id, common] : map_.CovisibleKeyFrames(reference, 1, kKeyFramesAround)) keyframes.push_back(id);
+  std::vector<const MapPoint*> landmarks;
+  for (const MapPointId id : LandmarksOf(map_, keyframes)) {
+    if (points.count(id) == 0) landmarks.push_back(&map_.point(id));
+  }
+  LandmarkSearchOptions search;
+  search.radius_px = kPoseRadiusPx;
+  for (const FoundLandmark& found : portolan::FindLandmarks(landmarks, camera_from_map, data, search).found) {
+    if (features.insert(found.feature).second) tracked->Add(data, found.feature, *landmarks[found.landmark]);
+  }
 }
 
 Status LocalMapper::InsertKeyFrame(KeyFramePtr data, const KeyFrameMessage& message) {
@@ -102,7 +136,10 @@ Status LocalMapper::InsertKeyFrame(KeyFramePtr data, const KeyFrameMessage& mess
   const KeyFrameId reference = removed_keyframes_.Follow(message.reference);
   if (map_.FindKeyFrame(reference) == nullptr)
     return Error{name + ": its reference " + ToString(message.reference) + " is unknown"};
-  const TrackedLandmarks tracked = FindLandmarks(*data, message);
+  TrackedLandmarks tracked = FindLandmarks(*data, message);
+  if (kMinKnownShare * static_cast<double>(message.landmarks.size()) > static_cast<double>(tracked.sources.size())) {
+    FindByPose(*data, reference, message.camera_from_map, &tracked);
+  }
   const PoseOptimizationResult refined = OptimizePose(data->camera, tracked.matches, message.camera_from_map);
   if (refined.num_inliers < options_.min_landmarks) {
     return Error{

@@ -101,6 +101,7 @@ class LocalMapper {
 
  private:
   struct TrackedLandmarks;
+  void FindByPose(const KeyFrameData& data, KeyFrameId reference, const Rigid3d& camera_from_map, TrackedLandmarks* tracked) const;
   TrackedLandmarks FindLandmarks(const KeyFrameData& data, const KeyFrameMessage& message) const;
   void NoteMerges(const std::vector<std::pair<MapPointId, MapPointId>>& merges);
 

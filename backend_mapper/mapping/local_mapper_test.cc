@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <map>
 
 #include "geometry/sim3_alignment.h"
@@ -10,6 +11,7 @@
 #include "map_optimization/map_fusion.h"
 #include "mapping/fused_maps.h"
 #include "mapping/mapping_test_scene.h"
+#include "testing/matchers.h"
 
 namespace portolan {
 namespace {
@@ -170,7 +172,26 @@ TEST_F(Mapper, RefusesKeyFramesThatDoNotFit) {
   refuses(1, message, "landmarks");
   message = Track(views_[1]);
   for (auto& [feature, landmark] : message.landmarks) landmark = MapPointId(6, 6, 6);
+  message.camera_from_map = Rigid3d(ExpSO3({0, 1, 0}), {3, 0, 0}) * message.camera_from_map;  // nor is it where its pose says
   refuses(1, message, "landmarks");
+}
+
+TEST_F(Mapper, AKeyFrameThatComesAgainToAnOlderMapIsFoundByItsPose) {
+  ASSERT_TRUE(Initialize().ok());
+  for (const size_t k : {1, 2}) ASSERT_TRUE(mapper_->Process(views_[k].data, Track(views_[k]), kNoMoreWork, nullptr).ok());
+  const Map older = mapper_->map();
+  for (const size_t k : {4, 5}) ASSERT_TRUE(mapper_->Process(views_[k].data, Track(views_[k]), kNoMoreWork, nullptr).ok());
+  KeyFrameMessage message = Track(views_[6]);
+  message.reference = views_[2].data->id;
+  const auto is_known = [&](const auto& seen) { return older.FindPoint(seen.second) != nullptr; };
+  message.landmarks.erase(std::remove_if(message.landmarks.begin(), message.landmarks.end(), is_known), message.landmarks.end());
+  ASSERT_GT(message.landmarks.size(), 15u) << "the newer map has landmarks of its own";
+
+  LocalMapper successor(MapperOptions(), older, 6, &point_ids_, [](const MapDelta&) {});
+  const Status processed = successor.Process(views_[6].data, message, kNoMoreWork, nullptr);
+  ASSERT_TRUE(processed.ok()) << processed.error().message;
+  EXPECT_THAT(successor.map().keyframe(views_[6].data->id).camera_from_map, RigidNear(message.camera_from_map, (PoseTolerance{0.01, 0.02})));
+  EXPECT_THAT(ValidateMap(successor.map()), IsEmpty());
 }
 
 TEST_F(Mapper, BusyOnlyInsertsAndExtends) {
