@@ -9,16 +9,17 @@
 #include <utility>
 
 namespace portolan {
-namespace {
 
-bool IsSound(const Rigid3d& pose) {
+bool IsSoundPose(const Rigid3d& pose) {
   return pose.translation.allFinite() && pose.translation.cwiseAbs().maxCoeff() < kMaxCoordinate &&
          pose.rotation.coeffs().allFinite() && std::abs(pose.rotation.norm() - 1.0) < 1e-6;
 }
 
-bool IsSound(const Eigen::Vector3f& position) {
+bool IsSoundPosition(const Eigen::Vector3f& position) {
   return position.allFinite() && position.cwiseAbs().maxCoeff() < static_cast<float>(kMaxCoordinate);
 }
+
+namespace {
 
 template <class IdType>
 Error About(const char* what, IdType id, const char* problem) {
@@ -68,7 +69,7 @@ class DeltaChecker {
     for (size_t i = 0; i < delta_.removed_keyframes.size(); ++i) {
       const auto& removed = delta_.removed_keyframes[i];
       if (!removed_keyframes_.emplace(removed.id, i).second) return About("keyframe", removed.id, "is removed twice");
-      if (!IsSound(removed.removed_from_anchor))
+      if (!IsSoundPose(removed.removed_from_anchor))
         return About("removed keyframe", removed.id, "has a pose that is not a finite rigid motion");
     }
     return Ok{};
@@ -77,7 +78,7 @@ class DeltaChecker {
   Status CheckKeyFrames() {
     for (const auto& state : delta_.keyframes) {
       if (!state.id.IsValid()) return Error{"a keyframe has no id"};
-      if (!IsSound(state.camera_from_map))
+      if (!IsSoundPose(state.camera_from_map))
         return About("keyframe", state.id, "has a pose that is not a finite rigid motion");
       if (removed_keyframes_.count(state.id) == 1) return About("keyframe", state.id, "is both removed and changed");
       if (!parents_.emplace(state.id, state.parent).second) return About("keyframe", state.id, "is in the delta twice");
@@ -103,7 +104,7 @@ class DeltaChecker {
     bool ascending = true;
     for (const auto& state : delta_.points) {
       if (!state.id.IsValid()) return Error{"a point has no id"};
-      if (!IsSound(state.position_in_map)) return About("point", state.id, "has a position that is not finite");
+      if (!IsSoundPosition(state.position_in_map)) return About("point", state.id, "has a position that is not finite");
       if (removed_points_.count(state.id) == 1) return About("point", state.id, "is both removed and changed");
       if (map_.FindPoint(state.id) == nullptr) new_points_.insert(state.id);
       ascending = ascending && last < state.id;

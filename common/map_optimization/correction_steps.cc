@@ -5,6 +5,8 @@
 #include <optional>
 #include <unordered_map>
 
+#include "map/delta_check.h"
+
 namespace portolan {
 namespace {
 
@@ -105,7 +107,7 @@ Status CheckCorrection(const MapCorrection& correction, const Map& map) {
                  std::to_string(keyframe.camera_from_map.scale)};
   }
   for (const auto& point : correction.points) {
-    if (!point.position_in_map.allFinite()) return Error{name + ": point " + ToString(point.id) + " is not finite"};
+    if (!IsSoundPosition(point.position_in_map)) return Error{name + ": point " + ToString(point.id) + " is not finite, or beyond any map"};
   }
   return Ok{};
 }
@@ -116,6 +118,16 @@ MovedMap MoveMap(const MapCorrection& correction, const Map& map, const Sim3d& n
   for (const auto& [id, keyframe] : map.keyframes()) moved.poses.emplace_back(id, MakeRigid(corrected.at(id).camera_from_map));
   moved.points = CorrectPoints(correction, map, corrected, new_from_old);
   return moved;
+}
+
+Status CheckMoved(const MapCorrection& correction, const MovedMap& moved) {
+  for (const auto& [id, camera_from_map] : moved.poses) {
+    if (!IsSoundPose(camera_from_map)) return Error{NameOf(correction) + ": keyframe " + ToString(id) + " would come to lie beyond any map"};
+  }
+  for (const auto& [id, position] : moved.points) {
+    if (!IsSoundPosition(position)) return Error{NameOf(correction) + ": point " + ToString(id) + " would come to lie beyond any map"};
+  }
+  return Ok{};
 }
 
 std::vector<std::pair<MapPointId, MapPointId>> JoinLandmarks(const MapCorrection& correction, Map* map) {

@@ -24,6 +24,7 @@ Result<std::vector<std::pair<MapPointId, MapPointId>>> ApplyMapCorrection(const 
   }
   // All is computed from the map as it is, then changed.
   const MovedMap moved = MoveMap(correction, *map, Sim3d());
+  if (Status checked = CheckMoved(correction, moved); !checked.ok()) return checked.error();
   for (const auto& [id, camera_from_map] : moved.poses) map->SetPose(id, camera_from_map);
   for (const auto& [id, position] : moved.points) {
     if (position != map->point(id).position_in_map) map->SetPosition(id, position);

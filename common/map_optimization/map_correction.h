@@ -21,7 +21,8 @@ MapCorrection EmptyCorrection(const Map& map, const std::string& kind);
 /// merges, then the new observations. Keyframes, points, merges and observations that no longer fit are passed over:
 /// the map went on since.
 /// @return the merges made (from, into). Fails, changing nothing, for another map or epoch, a revision to come,
-/// non-finite values, a scale that is not positive, or when no corrected keyframe is left in the map.
+/// non-finite values, a scale that is not positive, where something would come to lie beyond kMaxCoordinate
+/// (delta_check.h), or when no corrected keyframe is left in the map.
 Result<std::vector<std::pair<MapPointId, MapPointId>>> ApplyMapCorrection(const MapCorrection& correction, Map* map);
 
 }  // namespace portolan

@@ -168,6 +168,10 @@ TEST_F(MapCorrectionTest, RefusesWhatDoesNotFit) {
       },
       "not finite");
   refuses([](MapCorrection* c) { c->keyframes[0].id = KeyFrameId(4, 4, 4); }, "none of its");
+  // Finite, and replicas would refuse the owner's map from then on.
+  refuses([](MapCorrection* c) { c->points.push_back({MapPointId(1, 1, 1), {2e9f, 0, 0}}); }, "beyond any map");
+  refuses([](MapCorrection* c) { c->keyframes[0].camera_from_map.translation.x() = 1e300; }, "beyond any map");
+  refuses([](MapCorrection* c) { c->keyframes[0].camera_from_map.scale = 1e-300; }, "beyond any map");
 }
 
 }  // namespace

@@ -251,7 +251,9 @@ Result<std::vector<std::pair<MapPointId, MapPointId>>> ApplyFusion(const MapCorr
   if (!edge) {
     return Error{NameOf(correction) + ": none of its " + std::to_string(correction.loop_edges.size()) + " loop edges joins what the maps hold now"};
   }
-  TakeIn(other, MoveMap(correction, other, correction.map_from_other), *edge, map);
+  const MovedMap moved = MoveMap(correction, other, correction.map_from_other);
+  if (Status checked = CheckMoved(correction, moved); !checked.ok()) return checked.error();
+  TakeIn(other, moved, *edge, map);
   for (const auto& [id, position] : correction.points) {  // landmarks of the map, which the weld moved too
     if (other.FindPoint(id) == nullptr && map->FindPoint(id) != nullptr) map->SetPosition(id, position);
   }

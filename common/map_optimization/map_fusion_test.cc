@@ -375,6 +375,8 @@ TEST_P(MapFusionRefusalTest, TheOwnerRefusesWhatDoesNotFit) {
   refuses([](MapCorrection* c) { c->map_from_other.translation.x() = std::numeric_limits<double>::quiet_NaN(); }, "no similarity");
   refuses([](MapCorrection* c) { c->keyframes[0].camera_from_map.scale = 0; }, "not a similarity");
   refuses([](MapCorrection* c) { c->points[0].position_in_map.x() = std::numeric_limits<float>::infinity(); }, "not finite");
+  refuses([](MapCorrection* c) { c->map_from_other.translation.x() = 1e300; }, "beyond any map");
+  refuses([](MapCorrection* c) { c->points[0].position_in_map.x() = 2e9f; }, "beyond any map");
   refuses([](MapCorrection* c) { c->loop_edges.clear(); }, "none of its 0 loop edges");
   refuses([](MapCorrection* c) { c->loop_edges = {{KeyFrameId(9, 9, 9), KeyFrameId(9, 9, 8)}}; }, "none of its 1 loop edges");
   const Map whole = std::exchange(other_, Map(other_.id(), 1));
