@@ -1,5 +1,6 @@
 // portolan_open_time: how long the atlas_server takes from its start to a frame that is located in an atlas of many keyframes. The file is made
 // by the synthetic builder, in a process of its own, and dropped from the cache of the system before it is opened.
+
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/wait.h>
