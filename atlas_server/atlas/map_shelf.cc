@@ -33,6 +33,17 @@ void MapShelf::AddKeyFrame(MapId map, KeyFrameData data) {
   ForgetUnusedWords();
 }
 
+void MapShelf::TakeIn(StoredMap map, bool is_stored, const std::function<void()>& note_keyframe) {
+  const MapId id = map.snapshot.map;
+  replicas_.AddDelta(std::move(map.snapshot));  // first: data that nothing waits for would not be kept
+  for (KeyFrameData& data : map.keyframes) {
+    const KeyFrameId keyframe = data.id;
+    AddKeyFrame(id, std::move(data));
+    if (is_stored) OnStored(keyframe);
+    if (note_keyframe) note_keyframe();
+  }
+}
+
 /// Frames that were offered for a map and are in none: ReplicaSet has forgotten them.
 void MapShelf::ForgetUnusedWords() {
   size_t known = 0;
@@ -53,9 +64,8 @@ std::vector<MapDelta> MapShelf::ApplyPending() {
 }
 
 void MapShelf::Index(const MapDelta& delta) {
-  KeyFrameIndex& words = words_[delta.map];
   for (const auto& removed : delta.removed_keyframes) {
-    words.Remove(removed.id);
+    words_.Remove(removed.id, delta.map);
     const bool is_elsewhere = std::any_of(maps().begin(), maps().end(),
                                           [&](const auto& entry) { return entry.second.map().FindKeyFrame(removed.id) != nullptr; });
     if (is_elsewhere) continue;
@@ -66,8 +76,8 @@ void MapShelf::Index(const MapDelta& delta) {
   const Map& map = maps().at(delta.map).map();
   for (const auto& state : delta.keyframes) {
     const auto bag = bags_.find(state.id);
-    if (bag == bags_.end() || words.Find(state.id) != nullptr || map.FindKeyFrame(state.id) == nullptr) continue;
-    words.Add(state.id, bag->second);
+    if (bag == bags_.end() || words_.Find(state.id, delta.map) != nullptr || map.FindKeyFrame(state.id) == nullptr) continue;
+    words_.Add(state.id, bag->second, delta.map);
     for (const auto& [other, replica] : maps()) {
       if (other != delta.map && replica.map().FindKeyFrame(state.id) != nullptr) taken_in_.emplace(delta.map, other);
     }
@@ -88,8 +98,7 @@ std::vector<OtherMap> MapShelf::Others(const std::vector<MapId>& order) const {
   std::vector<OtherMap> others;
   for (const MapId id : order) {
     const Map* map = FindMap(id);
-    const auto words = words_.find(id);
-    if (map != nullptr && words != words_.end() && words->second.size() > 0) others.push_back({map, &words->second});
+    if (map != nullptr && words_.size(id) > 0) others.push_back({map, &words_});
   }
   return others;
 }
@@ -166,7 +175,7 @@ void MapShelf::Remove(MapId map) {
     bags_.erase(id);
     stored_.erase(id);
   }
-  words_.erase(map);
+  words_.RemovePart(map);
   replicas_.Remove(map);
 }
 
@@ -174,14 +183,8 @@ void MapShelf::Remove(MapId map, MapId into) {
   for (Appearance& appearance : appearances_) {
     if (appearance.map == map) appearance.map = into;
   }
-  words_.erase(map);
+  words_.RemovePart(map);
   replicas_.Remove(map, into);
-}
-
-size_t MapShelf::indexed_keyframes() const {
-  size_t sum = 0;
-  for (const auto& [map, words] : words_) sum += words.size();
-  return sum;
 }
 
 }  // namespace portolan

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "atlas/overlap_detector.h"
+#include "map/map_file.h"
 #include "map/protocol.h"
 #include "map/replica_set.h"
 #include "vocabulary/keyframe_index.h"
@@ -42,6 +43,9 @@ class MapShelf {
 
   /// No effect if the keyframe is known.
   void AddKeyFrame(MapId map, KeyFrameData data);
+  /// A whole map, whose state waits for ApplyPending(). @param is_stored whether descriptors may go. @param note_keyframe is called after each
+  /// keyframe, as many take seconds; may be null.
+  void TakeIn(StoredMap map, bool is_stored, const std::function<void()>& note_keyframe);
   ReplicaSet& replicas() { return replicas_; }
   const ReplicaSet& replicas() const { return replicas_; }
   const std::map<MapId, MapReplica>& maps() const { return replicas_.replicas(); }
@@ -81,7 +85,7 @@ class MapShelf {
 
   double appearance_mb() const { return 1e-6 * static_cast<double>(appearance_bytes_); }
   size_t num_appearances() const { return appearances_.size(); }
-  size_t indexed_keyframes() const;
+  size_t indexed_keyframes() const { return words_.total_size(); }
   uint64_t loads() const { return loads_; }
   uint64_t load_failures() const { return load_failures_; }
 
@@ -105,7 +109,7 @@ class MapShelf {
   std::shared_ptr<const Vocabulary> vocabulary_;
   Load load_;
   ReplicaSet replicas_;
-  std::map<MapId, KeyFrameIndex> words_;  // of the keyframes in each map
+  KeyFrameIndex words_;  // of the keyframes in each map, a part for each
   std::unordered_map<KeyFrameId, std::shared_ptr<const BowVector>> bags_;  // of all keyframes, in a map or not yet
   Appearances appearances_;               // in memory, last used last
   std::unordered_map<KeyFrameId, Appearances::iterator> appearance_of_;

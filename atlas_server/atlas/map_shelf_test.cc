@@ -58,8 +58,28 @@ TEST_F(MapShelfTest, IndexesTheWordsOfEachMap) {
   const auto others = shelf.Others({maps_.second.id(), MapId(9, 9, 9), maps_.first.id()});
   ASSERT_EQ(others.size(), 2u);
   EXPECT_EQ(others[0].map->id(), maps_.second.id());
-  EXPECT_EQ(others[1].words->size(), 20u);
+  EXPECT_EQ(others[1].num_keyframes(), 20u);
   for (const auto& [id, keyframe] : maps_.first.keyframes()) EXPECT_EQ(*shelf.FindWords(id), keyframe.data->bow) << id;
+}
+
+TEST_F(MapShelfTest, TakesAStoredMapInWhole) {
+  options_.newest = 0;
+  StoredMap stored;
+  stored.snapshot = maps_.first.Snapshot();
+  for (const auto& [id, keyframe] : maps_.first.keyframes()) stored.keyframes.push_back(Sent(keyframe));
+  for (const bool is_stored : {false, true}) {
+    MapShelf shelf = MakeShelf();
+    int noted = 0;
+    shelf.TakeIn(stored, is_stored, [&] { ++noted; });
+    EXPECT_EQ(noted, 20);
+    EXPECT_EQ(shelf.FindMap(maps_.first.id()), nullptr) << "its state waits";
+    shelf.ApplyPending();
+    ASSERT_NE(shelf.FindMap(maps_.first.id()), nullptr);
+    EXPECT_EQ(HashMap(*shelf.FindMap(maps_.first.id())), HashMap(maps_.first));
+    EXPECT_EQ(shelf.indexed_keyframes(), 20u);
+    shelf.Trim();
+    EXPECT_EQ(WithAppearance(*shelf.FindMap(maps_.first.id())), is_stored ? 0u : 20u);
+  }
 }
 
 TEST_F(MapShelfTest, OfOneMapTheNewestKeyFramesKeepTheirDescriptors) {

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <tuple>
 
+#include "base/check.h"
 #include "base/time.h"
 
 namespace portolan {
@@ -14,7 +15,7 @@ namespace {
 constexpr size_t kMaxScored = 60, kMinScoredOfMap = 3;
 // Keyframes for which a map keeps its turn: for as many candidates must be consistent, and two keyframes agree.
 constexpr int kTurn = 8;
-// Words looked up, over all maps: each takes a walk through memory in each map's index. With many maps the most telling ones.
+// Words looked up, times maps: each takes a walk over the keyframes that have it, of all maps. With many maps the most telling ones.
 constexpr size_t kMaxWords = 4000;
 
 /// Those with the largest weights, of equal ones the first; sorted by word.
@@ -40,6 +41,16 @@ Status OverlapOptions::Check() const {
     if (!status) return status;
   }
   return Ok{};
+}
+
+std::vector<std::vector<SharedWords>> QueryMaps(const BowVector& bow, const std::vector<const OtherMap*>& maps) {
+  if (maps.empty()) return {};
+  std::vector<MapId> parts;
+  for (const OtherMap* other : maps) {
+    PORTOLAN_CHECK(other->words == maps.front()->words) << "map " << other->map->id() << " has an index of its own";
+    parts.push_back(other->map->id());
+  }
+  return maps.front()->words->Query(bow, parts);
 }
 
 std::vector<KeyFrameId> KeyFramesRead(const Map& map, KeyFrameId keyframe, const NeighbourhoodOptions& options, size_t most) {
@@ -69,7 +80,7 @@ OverlapDetection OverlapDetector::Detect(const Map& map, KeyFrameId current, con
   const Stopwatch stopwatch;
   const std::vector<const OtherMap*> maps = ChooseMaps(others, &memory);
   detection.maps = maps.size();
-  for (const OtherMap* other : maps) detection.keyframes += other->words->size();
+  for (const OtherMap* other : maps) detection.keyframes += other->num_keyframes();
   const std::vector<Found> candidates = FindConsistent(bow, maps, &memory, &detection);
   times->Add("lookup_words", stopwatch.Milliseconds());
 
@@ -94,8 +105,8 @@ std::vector<const OtherMap*> OverlapDetector::ChooseMaps(const std::vector<Other
   size_t keyframes = 0;
   size_t next = 0;
   const auto take = [&](const OtherMap& other) {
-    if (!chosen.empty() && keyframes + other.words->size() > options_.max_looked_up) return false;
-    keyframes += other.words->size();
+    if (!chosen.empty() && keyframes + other.num_keyframes() > options_.max_looked_up) return false;
+    keyframes += other.num_keyframes();
     chosen.push_back(&other);
     return true;
   };
@@ -126,9 +137,9 @@ std::vector<OverlapDetector::Found> OverlapDetector::FindConsistent(const BowVec
   std::unordered_set<KeyFrameId> round;
   CandidateOptions options = options_.candidates;
   options.most_scored = std::min(options.most_scored, std::max(kMinScoredOfMap, kMaxScored / std::max<size_t>(maps.size(), 1)));
-  const BowVector words = MostTelling(bow, kMaxWords / std::max<size_t>(maps.size(), 1));
+  const auto shared = QueryMaps(MostTelling(bow, kMaxWords / std::max<size_t>(maps.size(), 1)), maps);
   for (size_t m = 0; m < maps.size(); ++m) {
-    const std::vector<Candidate> candidates = FindCandidates(words, *maps[m]->words, *maps[m]->map, options, nullptr);
+    const std::vector<Candidate> candidates = FindCandidates(shared[m], *maps[m]->map, options, nullptr);
     detection->candidates += static_cast<int>(candidates.size());
     for (size_t i = 0; i < candidates.size(); ++i) {
       const std::vector<KeyFrameId> group = GroupOf(*maps[m]->map, candidates[i].keyframe);

@@ -41,8 +41,13 @@ struct OverlapOptions {
 /// A map in which a place is looked for.
 struct OtherMap {
   const Map* map = nullptr;
-  const KeyFrameIndex* words = nullptr;  ///< of its keyframes
+  const KeyFrameIndex* words = nullptr;  ///< of its keyframes, as its part; one index for all maps that are looked in at a time
+
+  size_t num_keyframes() const { return words->size(map->id()); }
 };
+
+/// What a keyframe shares with those of each map, in their order: its words are looked up once for all of them.
+std::vector<std::vector<SharedWords>> QueryMaps(const BowVector& bow, const std::vector<const OtherMap*>& maps);
 
 /// A candidate that was looked at and not taken, and why.
 struct OverlapRefusal {

@@ -11,6 +11,28 @@ namespace {
 
 using ::testing::HasSubstr;
 
+/// Maps of one place, in one index.
+class Copies {
+ public:
+  Copies(const SyntheticScene& scene, uint32_t number) {
+    for (uint32_t i = 0; i < number; ++i) {
+      MapBuilderOptions options;
+      options.map = MapId(0, 1, 10 + i);
+      maps_.push_back(BuildMap(scene, options));
+      for (const auto& [id, keyframe] : maps_.back().keyframes()) words_.Add(id, WordsOf(keyframe.data), options.map);
+    }
+  }
+  std::vector<OtherMap> AsOthers() const {
+    std::vector<OtherMap> others;
+    for (const Map& map : maps_) others.push_back({&map, &words_});
+    return others;
+  }
+
+ private:
+  std::vector<Map> maps_;
+  KeyFrameIndex words_;
+};
+
 class OverlapDetectorTest : public ::testing::Test {
  protected:
   OverlapDetection Detect(OverlapDetector* detector, size_t view, const OverlapDetector::EnsureAppearance& ensure = nullptr) {
@@ -108,9 +130,8 @@ TEST_F(OverlapDetectorTest, RefusesALookAlike) {
 TEST_F(OverlapDetectorTest, VerifiesABoundedNumberOverAllMaps) {
   options_.consistent_rounds = 0;
   options_.max_verified = 2;
-  std::vector<Map> copies(4, maps_.first);
-  std::vector<OtherMap> others;
-  for (const Map& copy : copies) others.push_back({&copy, &maps_.words});
+  const Copies copies(maps_.passes.first, 4);
+  const std::vector<OtherMap> others = copies.AsOthers();
   OverlapDetector detector(options_);
   const OverlapDetection detection = Detect(&detector, 8, others);
   EXPECT_EQ(detection.maps, 4u);
@@ -122,15 +143,8 @@ TEST_F(OverlapDetectorTest, MapsBeyondTheBoundTakeTurns) {
   options_.consistent_rounds = 0;
   options_.max_looked_up = 60;  // of 20 keyframes each: the two before the half is full, and one more
   std::map<const Map*, int> looked_up;
-  std::vector<Map> copies;
-  for (uint32_t i = 0; i < 6; ++i) {
-    MapBuilderOptions options;
-    options.map = MapId(0, 1, 10 + i);
-    copies.push_back(BuildMap(maps_.passes.first, options));
-    copies.back().RefreshDerived();
-  }
-  std::vector<OtherMap> others;
-  for (const Map& copy : copies) others.push_back({&copy, &maps_.words});
+  const Copies copies(maps_.passes.first, 6);
+  const std::vector<OtherMap> others = copies.AsOthers();
   OverlapDetector detector(options_);
   const auto count = [&](const Map& map, const std::vector<KeyFrameId>&) {
     ++looked_up[&map];
@@ -146,7 +160,7 @@ TEST_F(OverlapDetectorTest, MapsBeyondTheBoundTakeTurns) {
     EXPECT_EQ(detection.keyframes, 60u) << view;
   }
   EXPECT_EQ(looked_up.size(), 6u) << "each had its turn";
-  EXPECT_GT(looked_up[&copies[0]], looked_up[&copies[5]]) << "the first in order is looked at each time";
+  EXPECT_GT(looked_up[others[0].map], looked_up[others[5].map]) << "the first in order is looked at each time";
 }
 
 TEST_F(OverlapDetectorTest, WaitsForDescriptorsThatAreStillBeingRead) {

@@ -18,12 +18,17 @@ struct Found {
 };
 
 std::vector<Found> FindBest(const BowVector& bow, const std::vector<OtherMap>& maps, const LocatorOptions& options) {
-  std::vector<Found> found;
+  std::vector<const OtherMap*> looked_in;
   size_t looked_up = 0;
   for (const OtherMap& map : maps) {
-    if (looked_up > 0 && looked_up + map.words->size() > options.max_looked_up) break;
-    looked_up += map.words->size();
-    for (const Candidate& candidate : FindCandidates(bow, *map.words, *map.map, options.candidates, nullptr)) found.push_back({&map, candidate});
+    if (looked_up > 0 && looked_up + map.num_keyframes() > options.max_looked_up) break;
+    looked_up += map.num_keyframes();
+    looked_in.push_back(&map);
+  }
+  const auto shared = QueryMaps(bow, looked_in);
+  std::vector<Found> found;
+  for (size_t m = 0; m < looked_in.size(); ++m) {
+    for (const Candidate& candidate : FindCandidates(shared[m], *looked_in[m]->map, options.candidates, nullptr)) found.push_back({looked_in[m], candidate});
   }
   std::stable_sort(found.begin(), found.end(),
                    [](const Found& a, const Found& b) { return a.candidate.accumulated_score > b.candidate.accumulated_score; });

@@ -12,7 +12,7 @@ namespace portolan {
 
 inline KeyFrameIndex IndexOf(const Map& map) {
   KeyFrameIndex index;
-  for (const auto& [id, keyframe] : map.keyframes()) index.Add(id, WordsOf(keyframe.data));
+  for (const auto& [id, keyframe] : map.keyframes()) index.Add(id, WordsOf(keyframe.data), map.id());
   return index;
 }
 

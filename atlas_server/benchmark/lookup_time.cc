@@ -9,6 +9,7 @@
 #include "atlas/map_shelf.h"
 #include "atlas/map_store.h"
 #include "base/time.h"
+#include "benchmark/street.h"
 #include "testing/map_builder.h"
 
 namespace portolan {
@@ -20,23 +21,6 @@ struct Arguments {
   std::string folder = "/tmp";
 };
 
-/// A lap in a street of its own; some 2000 features an image, as real ones have.
-SyntheticScene MakeStreet(int number, int views, uint32_t session) {
-  SyntheticSceneOptions options;
-  options.landmarks = LandmarkLayout::kStreet;
-  options.motion = CameraMotion::kStreetLap;
-  options.num_landmarks = 8000;
-  options.num_views = views;
-  options.travel = options.lap * 0.95;
-  options.sight = 12;
-  options.pixel_sigma_px = 0.5;
-  options.descriptor_flip_ratio = 0.03;
-  options.num_clutter = 1400;
-  options.seed = static_cast<uint64_t>(number + 1);
-  options.session = session;
-  return MakeSyntheticScene(options);
-}
-
 class Benchmark {
  public:
   Benchmark(const Arguments& arguments, std::shared_ptr<const Vocabulary> vocabulary, MapStore* store)
@@ -44,13 +28,13 @@ class Benchmark {
 
   Status Run() {
     for (int number = 0; number < arguments_.maps; ++number) {
-      if (Status added = Add(MakeStreet(number, arguments_.keyframes, static_cast<uint32_t>(number + 1)), MapId(0, 1, static_cast<uint32_t>(number + 1)), true); !added)
-        return added;
+      const auto session = static_cast<uint32_t>(number + 1);
+      if (Status added = Add(MakeStreet(number, arguments_.keyframes, arguments_.keyframes, session), MapId(0, 1, session), true); !added) return added;
     }
     fmt::print("{} maps, {} keyframes indexed, {:.0f} MB of descriptors in memory\n", arguments_.maps, shelf_.indexed_keyframes(), shelf_.appearance_mb());
     // A place that no map has, and one that is in the first map.
-    Query("elsewhere", MakeStreet(1000, arguments_.queries, 1000), MapId(0, 1, 1000));
-    Query("revisit", MakeStreet(0, arguments_.queries, 1001), MapId(0, 1, 1001));
+    Query("elsewhere", MakeStreet(1000, arguments_.keyframes, arguments_.queries, 1000), MapId(0, 1, 1000));
+    Query("revisit", MakeStreet(0, arguments_.keyframes, arguments_.queries, 1001), MapId(0, 1, 1001));
     return Ok{};
   }
 

@@ -66,10 +66,10 @@ Status Run(const Arguments& arguments) {
   if (!vocabulary) return vocabulary.error();
   const auto maps = ReadMaps(arguments.files, **vocabulary);
   if (!maps) return maps.error();
-  std::vector<KeyFrameIndex> words(maps->size());
+  KeyFrameIndex words;
   for (size_t m = 0; m < maps->size(); ++m) {
     const auto& keyframes = (*maps)[m].keyframes();
-    for (const auto& [id, keyframe] : keyframes) words[m].Add(id, WordsOf(keyframe.data));
+    for (const auto& [id, keyframe] : keyframes) words.Add(id, WordsOf(keyframe.data), (*maps)[m].id());
     fmt::print("map {}: {}, {} keyframes, {} points, frames {} to {}\n", m + 1, ToString((*maps)[m].id()), keyframes.size(), (*maps)[m].points().size(),
                keyframes.begin()->second.data->frame, keyframes.rbegin()->second.data->frame);
   }
@@ -77,7 +77,7 @@ Status Run(const Arguments& arguments) {
   const size_t query = arguments.query == 0 ? maps->size() - 1 : arguments.query - 1;
   std::vector<OtherMap> others;
   for (size_t m = maps->size(); m-- > 0;) {
-    if (m != query) others.push_back({&(*maps)[m], &words[m]});
+    if (m != query) others.push_back({&(*maps)[m], &words});
   }
   const Map& map = (*maps)[query];
   OverlapDetector detector(arguments.options);

@@ -95,16 +95,8 @@ Status AtlasProcess::LoadStore() {
   return Ok{};
 }
 
-/// A whole map. Its state waits for the keyframes: data that nothing waits for would not be kept.
 void AtlasProcess::TakeIn(StoredMap map, bool is_stored) {
-  const MapId id = map.snapshot.map;
-  shelf_.replicas().AddDelta(std::move(map.snapshot));
-  for (KeyFrameData& data : map.keyframes) {
-    const KeyFrameId keyframe = data.id;
-    shelf_.AddKeyFrame(id, std::move(data));
-    if (is_stored) shelf_.OnStored(keyframe);
-    status_.AssertLiveliness();
-  }
+  shelf_.TakeIn(std::move(map), is_stored, [this] { status_.AssertLiveliness(); });
   ApplyPending();  // the points take their descriptors
   shelf_.Trim();
 }

@@ -7,20 +7,15 @@ namespace portolan {
 namespace {
 
 /// Bag similarity of all keyframes that share enough words with the query.
-std::map<KeyFrameId, double> ScoreKeyFrames(const BowVector& bow, const KeyFrameIndex& index, const Map& map, const CandidateOptions& options,
+std::map<KeyFrameId, double> ScoreKeyFrames(const std::vector<SharedWords>& shared, const Map& map, const CandidateOptions& options,
                                             const std::function<bool(KeyFrameId)>& exclude) {
-  std::vector<SharedWords> shared = index.Query(bow);
-  shared.erase(std::remove_if(shared.begin(), shared.end(),
-                              [&](const SharedWords& s) {
-                                return map.FindKeyFrame(s.keyframe) == nullptr || (exclude && exclude(s.keyframe));
-                              }),
-               shared.end());
   std::map<KeyFrameId, double> scores;
-  if (shared.empty()) return scores;
-  const double min_words = options.min_shared_words * shared.front().words;
-  for (const SharedWords& s : shared) {
-    if (options.most_scored > 0 && scores.size() == options.most_scored) break;
-    if (s.words >= min_words) scores[s.keyframe] = s.score;
+  double min_words = 0;
+  for (const SharedWords& s : shared) {  // most words first: what comes after the last that counts is not looked at
+    if (s.words < min_words || (options.most_scored > 0 && scores.size() == options.most_scored)) break;
+    if (map.FindKeyFrame(s.keyframe) == nullptr || (exclude && exclude(s.keyframe))) continue;
+    if (scores.empty()) min_words = options.min_shared_words * s.words;
+    scores.emplace(s.keyframe, s.score);
   }
   return scores;
 }
@@ -29,7 +24,12 @@ std::map<KeyFrameId, double> ScoreKeyFrames(const BowVector& bow, const KeyFrame
 
 std::vector<Candidate> FindCandidates(const BowVector& bow, const KeyFrameIndex& index, const Map& map, const CandidateOptions& options,
                                       const std::function<bool(KeyFrameId)>& exclude) {
-  const std::map<KeyFrameId, double> scores = ScoreKeyFrames(bow, index, map, options, exclude);
+  return FindCandidates(index.Query(bow), map, options, exclude);
+}
+
+std::vector<Candidate> FindCandidates(const std::vector<SharedWords>& shared, const Map& map, const CandidateOptions& options,
+                                      const std::function<bool(KeyFrameId)>& exclude) {
+  const std::map<KeyFrameId, double> scores = ScoreKeyFrames(shared, map, options, exclude);
   std::map<KeyFrameId, Candidate> best_of_group;
   double best_accumulated = 0;
   for (const auto& [id, score] : scores) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <vector>
 
 #include "map/map.h"
@@ -24,6 +25,9 @@ struct Candidate {
 /// Keyframes of `map` that may show what `bow` shows (paper Sec. 3.1 and 5): scored by shared words, accumulated over covisible keyframes, those
 /// above 75 % of the best; of each group its best keyframe, once. Best first. `exclude` (may be null) leaves keyframes out.
 std::vector<Candidate> FindCandidates(const BowVector& bow, const KeyFrameIndex& index, const Map& map, const CandidateOptions& options,
+                                      const std::function<bool(KeyFrameId)>& exclude);
+/// The same for what an index has found already (KeyFrameIndex::Query).
+std::vector<Candidate> FindCandidates(const std::vector<SharedWords>& shared, const Map& map, const CandidateOptions& options,
                                       const std::function<bool(KeyFrameId)>& exclude);
 
 }  // namespace portolan

@@ -2,8 +2,12 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <cmath>
 #include <map>
+#include <set>
+
+#include "base/random.h"
 
 namespace portolan {
 namespace {
@@ -114,6 +118,49 @@ TEST_F(CandidatesTest, OnlyThoseWithTheMostWordsAreScored) {
   EXPECT_THAT(Find({1, 2, 3, 4, 5, 6}, options), SizeIs(3));
   options.most_scored = 2;
   EXPECT_EQ(Find({1, 2, 3, 4, 5, 6}, options), (std::vector<KeyFrameId>{Id(1), Id(2)}));
+}
+
+/// Ids of those that should be scored, by comparing with every bag.
+std::set<KeyFrameId> ScoredByComparison(const BowVector& bow, const KeyFrameIndex& index, const Map& map, const CandidateOptions& options,
+                                        const std::function<bool(KeyFrameId)>& exclude) {
+  std::vector<std::pair<int, KeyFrameId>> shared;  // words, negative
+  for (const auto& [id, keyframe] : map.keyframes()) {
+    const int words = CountCommonWords(bow, *index.Find(id));
+    if (words > 0 && !exclude(id)) shared.emplace_back(-words, id);
+  }
+  std::sort(shared.begin(), shared.end());
+  std::set<KeyFrameId> scored;
+  for (const auto& [words, id] : shared) {
+    if (options.most_scored > 0 && scored.size() == options.most_scored) break;
+    if (words <= options.min_shared_words * shared.front().first) scored.insert(id);
+  }
+  return scored;
+}
+
+TEST_F(CandidatesTest, ScoresWhatAComparisonWithAllWouldScore) {
+  Random random(1);
+  const auto draw_words = [&] {
+    std::set<uint32_t> words;
+    for (int i = 0; i < 12; ++i) words.insert(static_cast<uint32_t>(random.Below(40)));
+    return std::vector<uint32_t>(words.begin(), words.end());
+  };
+  for (uint32_t number = 1; number <= 60; ++number) AddKeyFrame(number, draw_words());
+  for (uint32_t number = 1000; number < 1020; ++number) index_.Add(Id(number), std::make_shared<const BowVector>(Bag(draw_words())));  // of no map
+  CandidateOptions options;
+  options.min_score = 0;  // nothing ties them: each that is scored is a candidate
+  options.most = 100;
+  size_t found = 0;
+  for (int query = 0; query < 200; ++query) {
+    options.most_scored = random.Below(8);
+    options.min_shared_words = random.Uniform(0.2, 1);
+    const uint32_t left_out = static_cast<uint32_t>(random.Below(5));
+    const auto exclude = [&](KeyFrameId id) { return id.sequence() % 5 == left_out; };
+    const std::vector<uint32_t> words = draw_words();
+    const std::vector<KeyFrameId> candidates = Find(words, options, exclude);
+    EXPECT_EQ(std::set<KeyFrameId>(candidates.begin(), candidates.end()), ScoredByComparison(Bag(words), index_, map_, options, exclude));
+    found += candidates.size();
+  }
+  EXPECT_GT(found, 500u);
 }
 
 TEST_F(CandidatesTest, NothingInCommonIsNothing) {

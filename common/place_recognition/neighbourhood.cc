@@ -1,7 +1,7 @@
 #include "place_recognition/neighbourhood.h"
 
 #include <algorithm>
-#include <unordered_set>
+#include <functional>
 
 namespace portolan {
 namespace {
@@ -21,6 +21,28 @@ std::vector<KeyFrameId> SelectKeyFrames(const Map& map, KeyFrameId keyframe, con
   }
   return selected;
 }
+
+/// A set that is filled once, in one piece of memory: ten thousand sightings of some thousand landmarks, for each candidate that is verified.
+class SeenLandmarks {
+ public:
+  explicit SeenLandmarks(size_t most) {
+    size_t places = 1;
+    while (places < 2 * most + 1) places *= 2;  // half empty at least
+    ids_.resize(places);
+  }
+  /// @return whether it is new.
+  bool Insert(MapPointId id) {
+    size_t place = std::hash<MapPointId>()(id) & (ids_.size() - 1);
+    for (; ids_[place].IsValid(); place = (place + 1) & (ids_.size() - 1)) {
+      if (ids_[place] == id) return false;
+    }
+    ids_[place] = id;
+    return true;
+  }
+
+ private:
+  std::vector<MapPointId> ids_;  // none: free
+};
 
 }  // namespace
 
@@ -49,12 +71,13 @@ std::vector<const MapPoint*> Neighbourhood::LandmarksByFeature(const KeyFrame& k
 }
 
 std::vector<const MapPoint*> Neighbourhood::Landmarks(const Neighbourhood& other) const {
+  size_t sightings = 0;
+  for (const KeyFrame* keyframe : keyframes_) sightings += static_cast<size_t>(keyframe->landmarks.end() - keyframe->landmarks.begin());
   std::vector<const MapPoint*> landmarks;
-  std::unordered_set<MapPointId> seen;
-  seen.reserve(keyframes_.size() * 200);  // about as many are new in each
+  SeenLandmarks seen(sightings);
   for (const KeyFrame* keyframe : keyframes_) {
     for (const MapPointId id : keyframe->landmarks) {
-      if (!seen.insert(id).second) continue;
+      if (!seen.Insert(id)) continue;
       const MapPoint& point = map_.point(id);
       if (&map_ != &other.map_ || !other.Sees(point)) landmarks.push_back(&point);
     }

@@ -78,6 +78,43 @@ TEST(KeyFrameIndex, AgreesWithASearchOfAllThroughChanges) {
   }
 }
 
+TEST(KeyFrameIndex, PartsAgreeWithAnIndexForEachMapThroughChanges) {
+  Random random(2);
+  KeyFrameIndex index;
+  std::map<MapId, KeyFrameIndex> each;
+  const std::vector<MapId> maps{MapId(0, 1, 4), MapId(0, 1, 2), MapId(0, 1, 3)};
+  for (int step = 0; step < 3000; ++step) {
+    const MapId map = maps[random.Below(maps.size())];
+    const KeyFrameId keyframe = Key(1 + static_cast<uint32_t>(random.Below(30)));  // some are in several maps
+    if (random.Below(100) == 0) {
+      index.RemovePart(map);
+      each.erase(map);
+    } else if (random.Below(4) == 0) {
+      index.Remove(keyframe, map);
+      each[map].Remove(keyframe);
+    } else {
+      const auto bow = Share(RandomBow(&random));
+      index.Add(keyframe, bow, map);
+      each[map].Add(keyframe, bow);
+    }
+    const BowVector query = RandomBow(&random);
+    const auto shared = index.Query(query, maps);
+    ASSERT_EQ(shared.size(), maps.size());
+    size_t total = 0;
+    for (size_t i = 0; i < maps.size(); ++i) {
+      ExpectSame(shared[i], each[maps[i]].Query(query));
+      ASSERT_EQ(index.size(maps[i]), each[maps[i]].size());
+      total += index.size(maps[i]);
+    }
+    ASSERT_EQ(index.total_size(), total);
+    ExpectSame(index.Query(query, {maps[1]}).front(), shared[1]);
+    EXPECT_EQ(index.Find(keyframe, map), each[map].Find(keyframe));
+  }
+  EXPECT_TRUE(index.Query({{1, 1.0f}}).empty()) << "nothing is in the part without a name";
+  EXPECT_TRUE(index.Query({{1, 1.0f}}, {MapId(9, 9, 9)}).front().empty());
+  index.RemovePart(MapId(9, 9, 9));
+}
+
 TEST(KeyFrameIndex, SortsByWordsThenById) {
   KeyFrameIndex index;
   index.Add(Key(3), Share({{1, 0.5f}, {2, 0.5f}}));

@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <future>
+
 #include "loop/loop_test_scene.h"
 #include "map_optimization/map_correction.h"
 #include "testing/matchers.h"
@@ -13,7 +15,8 @@ namespace {
 using ::testing::HasSubstr;
 using JobKind = LoopCloser::JobKind;
 
-const ProcessId kProcess(0, 1, 7);
+const ProcessId kProcess(0, 1, 7), kMapper(0, 1, 1);
+const ProcessId kAtlas(0, 2, 2);  // which has robot 0 too
 const std::atomic<bool> kGoOn{false};
 
 /// A map's owner that has seen one pass and sends the second, keyframe by keyframe, to a LoopCloser.
@@ -44,7 +47,7 @@ class LoopCloserTest : public ::testing::Test {
     for (const MapDeltaChunk& chunk : SplitDelta(owner_.TakeDelta(), 1000)) closer_.follower().AddChunk(chunk);
   }
   void Acknowledge(KeyFrameId keyframe) {
-    state_.process = ProcessId(0, 1, 1);
+    state_.process = kMapper;
     state_.map = owner_.id();
     state_.epoch = owner_.epoch();
     state_.revision = owner_.revision();
@@ -53,13 +56,45 @@ class LoopCloserTest : public ::testing::Test {
     while (closer_.Update()) {
     }
   }
-  /// Acknowledges keyframes of the second pass until there is work. @return whether there was.
+  /// Acknowledges keyframes of the second pass until a loop is found that was not before. @return whether there was.
   bool FindLoop() {
+    const size_t before = closer_.closures().size();
     for (; next_view_ < passes_.second.views.size(); ++next_view_) {
       Acknowledge(passes_.second.views[next_view_].data->id);
-      if (!closer_.closures().empty()) return true;
+      if (closer_.closures().size() > before) return true;
     }
     return false;
+  }
+  /// The map goes on under another owner, who sends all of it.
+  void SendInEpoch(Epoch epoch) {
+    owner_.SetEpoch(epoch);
+    for (const MapDeltaChunk& chunk : SplitDelta(owner_.Snapshot(), 1000)) closer_.follower().AddChunk(chunk);
+    closer_.Update();
+  }
+  void Grant(ProcessId owner, Epoch epoch) {
+    Command grant;
+    grant.kind = CommandKind::kGrantOwnership;
+    grant.map = owner_.id();
+    grant.epoch = epoch;
+    grant.owner = owner;
+    grant.sender = kAtlas;
+    closer_.OnCommand(grant);
+  }
+  /// Nothing was proposed, and the loop that is still open is found again and closed.
+  void ExpectNothingProposedThenClosed() {
+    EXPECT_FALSE(closer_.TakeCorrection());
+    EXPECT_TRUE(closer_.IsAtRest());
+    EXPECT_FALSE(closer_.NextJob());
+    EXPECT_EQ(closer_.counters().failed, 1u);
+    ASSERT_TRUE(FindLoop()) << "the loop is still open";
+    ASSERT_EQ(RunJob(), JobKind::kLoop);
+    const auto correction = closer_.TakeCorrection();
+    ASSERT_TRUE(correction);
+    EXPECT_EQ(correction->epoch, owner_.epoch());
+    Answer(*correction);
+    EXPECT_TRUE(closer_.closures().back().is_applied) << closer_.closures().back().problem;
+    EXPECT_EQ(closer_.counters().closed, 1u);
+    EXPECT_TRUE(ValidateMap(owner_).empty());
   }
   void Answer(const MapCorrection& correction) {
     const auto applied = ApplyMapCorrection(correction, &owner_);
@@ -182,21 +217,60 @@ TEST_F(LoopCloserTest, AnOwnerThatDoesNotAnswerIsForgotten) {
   EXPECT_EQ(closer_.closures().front().problem, "no answer");
 }
 
-TEST_F(LoopCloserTest, AJobEndsWhenTheMapGetsAnotherOwner) {
+/// A correction at work on a thread of its own, as LoopProcess has it: from the moment it has begun.
+class CorrectionAtWork {
+ public:
+  explicit CorrectionAtWork(LoopCloser::Job job) {
+    result_ = std::async(std::launch::async, [this, job = std::move(job)] {
+      begun_.set_value();
+      return job(stop_);
+    });
+    begun_.get_future().wait();
+  }
+  LoopCloser::JobResult Stop() {
+    stop_ = true;
+    return result_.get();
+  }
+
+ private:
+  std::atomic<bool> stop_{false};
+  std::promise<void> begun_;
+  std::future<LoopCloser::JobResult> result_;
+};
+
+TEST_F(LoopCloserTest, ACorrectionEndsWhenTheMapChangesOwner) {
   ASSERT_TRUE(FindLoop());
-  ASSERT_TRUE(closer_.NextJob());
+  auto job = closer_.NextJob();
+  ASSERT_TRUE(job);
+  CorrectionAtWork work(std::move(*job));
   EXPECT_FALSE(closer_.ShouldCancel());
-  owner_.SetEpoch(owner_.epoch() + 1);
-  for (const MapDeltaChunk& chunk : SplitDelta(owner_.Snapshot(), 1000)) closer_.follower().AddChunk(chunk);
-  closer_.Update();
+  SendInEpoch(owner_.epoch() + 1);  // of a mapper that came after one that died
   EXPECT_TRUE(closer_.ShouldCancel());
+  work.Stop();  // what came of it, if anything, is of an epoch gone by
   closer_.OnJobCancelled();
   EXPECT_FALSE(closer_.ShouldCancel());
-  EXPECT_FALSE(closer_.closures().front().is_applied);
   EXPECT_EQ(closer_.counters().cancelled, 1u);
+  EXPECT_FALSE(closer_.closures().front().is_applied);
+  ExpectNothingProposedThenClosed();
 }
 
-TEST_F(LoopCloserTest, AStoppedCorrectionComesToNothing) {
+TEST_F(LoopCloserTest, ACorrectionEndsWhenTheMapIsSwitchedAwayFrom) {
+  ASSERT_TRUE(FindLoop());
+  auto job = closer_.NextJob();
+  ASSERT_TRUE(job);
+  CorrectionAtWork work(std::move(*job));
+  Grant(kAtlas, owner_.epoch() + 1);  // dormant
+  EXPECT_TRUE(closer_.ShouldCancel());
+  work.Stop();
+  closer_.OnJobCancelled();
+  EXPECT_FALSE(closer_.NextJob()) << "nobody would apply it";
+  EXPECT_FALSE(closer_.is_busy());
+  Grant(kMapper, owner_.epoch() + 2);  // the robot came back
+  SendInEpoch(owner_.epoch() + 2);
+  ExpectNothingProposedThenClosed();
+}
+
+TEST_F(LoopCloserTest, ACorrectionThatIsStoppedComesToNothing) {
   ASSERT_TRUE(FindLoop());
   auto job = closer_.NextJob();
   ASSERT_TRUE(job);
@@ -204,8 +278,30 @@ TEST_F(LoopCloserTest, AStoppedCorrectionComesToNothing) {
   LoopCloser::JobResult result = (*job)(stop);
   EXPECT_FALSE(result.correction.ok());
   closer_.OnJobDone(std::move(result));
-  EXPECT_FALSE(closer_.TakeCorrection());
   EXPECT_THAT(closer_.closures().front().problem, HasSubstr("interrupted"));
+  ExpectNothingProposedThenClosed();
+}
+
+/// Wherever in its work it is stopped: it is whole, or there is none.
+TEST_F(LoopCloserTest, AStoppedCorrectionIsWholeOrNone) {
+  ASSERT_TRUE(FindLoop());
+  const auto job = closer_.NextJob();
+  ASSERT_TRUE(job);
+  LoopCloser::Job whole_job = *job;
+  const LoopCloser::JobResult whole = whole_job(kGoOn);
+  ASSERT_TRUE(whole.correction.ok());
+  for (int attempt = 0; attempt < 5; ++attempt) {
+    CorrectionAtWork work(*job);
+    const LoopCloser::JobResult stopped = work.Stop();
+    if (!stopped.correction) {
+      EXPECT_THAT(stopped.correction.error().message, HasSubstr("interrupted"));
+      continue;
+    }
+    Map by_whole = owner_, by_stopped = owner_;
+    ASSERT_TRUE(ApplyMapCorrection(*whole.correction, &by_whole).ok());
+    ASSERT_TRUE(ApplyMapCorrection(*stopped.correction, &by_stopped).ok());
+    EXPECT_EQ(HashMap(by_whole), HashMap(by_stopped));
+  }
 }
 
 TEST_F(LoopCloserTest, KeyFramesOfNoMapAreAnsweredFor) {
@@ -247,21 +343,6 @@ TEST_F(LoopCloserTest, AnotherRobotsMapIsLeftToItsLoopCloser) {
   adjust.map = owner_.id();
   closer_.OnCommand(adjust);
   EXPECT_FALSE(closer_.NextJob());
-}
-
-TEST_F(LoopCloserTest, ADormantMapIsNotCorrected) {
-  ASSERT_TRUE(FindLoop());
-  ASSERT_TRUE(closer_.NextJob());
-  Command grant;
-  grant.kind = CommandKind::kGrantOwnership;
-  grant.map = owner_.id();
-  grant.epoch = owner_.epoch() + 1;
-  grant.owner = grant.sender = ProcessId(0, 2, 2);  // the atlas_server, which has robot 0 too
-  closer_.OnCommand(grant);
-  EXPECT_TRUE(closer_.ShouldCancel());
-  closer_.OnJobCancelled();
-  EXPECT_FALSE(closer_.NextJob());
-  EXPECT_FALSE(closer_.is_busy());
 }
 
 TEST_F(LoopCloserTest, AdjustsAMapWhenAsked) {
