@@ -16,7 +16,7 @@ enum : int { kOk = 0, kRefused = 4, kInterrupted = 130 };  // docs/tool.md
 // A piece of the street, there and back again and again: all is seen by then, and in lockstep no frame is lost however long an answer takes.
 constexpr uint64_t kRound = 120;
 constexpr int kManyRounds = 40;  // more than all orders of a test take
-constexpr int kFewRounds = 4;    // to be driven to the end
+constexpr int kFewRounds = 3;    // to be driven to the end
 constexpr double kMaxErrorShare = 0.02;
 
 class ToolRunTest : public DeploymentTest {
