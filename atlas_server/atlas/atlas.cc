@@ -1,9 +1,6 @@
 #include "atlas/atlas.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
-#include <charconv>
 #include <utility>
 
 namespace portolan {
@@ -180,44 +177,6 @@ Reply Atlas::AnswerDeleteMap(const Request& request, double now_s) {
     reply.ok = true;
   }
   return reply;
-}
-
-Reply Atlas::Forward(const Request& request, CommandKind kind, double now_s) {
-  Reply reply;
-  Command command = MakeCommand(kind, MapId());
-  if (kind == CommandKind::kAdjustMap) {
-    command.map = Resolve(request.map);
-    const auto map = maps_.find(command.map);
-    if (map == maps_.end()) {
-      reply.reason = "map " + ToString(request.map) + " is not known here";
-    } else if (map->second.owner == self_ || !IsAlive(map->second.owner, now_s)) {
-      reply.reason = "map " + ToString(request.map) + " is dormant: no mapper could change it";
-    }
-  } else if (const Result<RobotId> robot = RobotOf(request, now_s)) {
-    command.robot = *robot;
-  } else {
-    reply.reason = robot.error().message;
-  }
-  reply.ok = reply.reason.empty();
-  if (reply.ok) commands_.push_back(command);
-  return reply;
-}
-
-Result<RobotId> Atlas::RobotOf(const Request& request, double now_s) const {
-  if (const std::string& argument = request.argument; !argument.empty()) {
-    RobotId robot = 0;
-    const auto [end, error] = std::from_chars(argument.data(), argument.data() + argument.size(), robot);
-    if (error != std::errc() || end != argument.data() + argument.size()) return Error{"'" + argument + "' is no robot's number"};
-    if (TrackersOf(robot, now_s).empty()) return Error{"robot " + argument + " has no tracker"};
-    return robot;
-  }
-  if (!TrackersOf(request.sender.robot(), now_s).empty()) return request.sender.robot();
-  std::set<RobotId> robots;
-  for (const auto& [id, tracker] : trackers_) {
-    if (IsHere(tracker, now_s)) robots.insert(id.robot());
-  }
-  if (robots.size() == 1) return *robots.begin();
-  return Error{robots.empty() ? "there is no tracker" : fmt::format("there are {} robots: name one", robots.size())};
 }
 
 void Atlas::DecideRegistrations(double now_s) {

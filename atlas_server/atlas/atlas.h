@@ -150,6 +150,8 @@ class Atlas {
   MapId MapOf(ProcessId tracker) const;
   /// The robot that a request is about: its argument, else the sender's if it has a tracker, else the only one that has.
   Result<RobotId> RobotOf(const Request& request, double now_s) const;
+  /// Whether the tracker of a robot would do what it is told, as far as its last status says. @return why not.
+  Status WouldObey(CommandKind kind, RobotId robot, double now_s) const;
   bool IsAlive(ProcessId process, double now_s) const;
   /// Requests that wait: for a map without a mapper, or to register while another may live.
   size_t num_pending() const;
@@ -205,6 +207,7 @@ class Atlas {
   Reply AnswerLinkMaps(const Request& request);
   Reply AnswerDeleteMap(const Request& request, double now_s);
   Reply Forward(const Request& request, CommandKind kind, double now_s);
+  Result<RobotId> AdjusterOf(MapId map, double now_s) const;
   std::optional<Reply> AnswerRegistration(const Registration& registration, double now_s);
   void DecideRegistrations(double now_s);
   void AddStandby(ProcessId mapper);

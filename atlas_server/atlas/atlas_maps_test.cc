@@ -166,9 +166,35 @@ TEST_F(AtlasMapsTest, ForwardsToTheRobotThatIsMeant) {
   EXPECT_THAT(ReplyTo(Ask(tool, "start_map", MapId(), MapId(), "4x")).reason, HasSubstr("'4x' is no robot's number"));
 }
 
+TEST_F(AtlasMapsTest, WhatATrackerWouldNotDoIsRefused) {
+  StartInNewMap(60, 1);
+  const ProcessId tool(0, 77, 1);
+  const auto refusal = [&](const std::string& kind, const std::vector<std::pair<std::string, double>>& figures) {
+    living_[kTracker].figures = figures;
+    atlas_.OnStatus(living_[kTracker], now_);
+    return ReplyTo(Ask(tool, kind)).reason;
+  };
+  EXPECT_THAT(refusal("start_map", {{"localization_only", 1}}), HasSubstr("localises only"));
+  EXPECT_THAT(refusal("pause", {{"takes_orders", 0}}), HasSubstr("has not begun, or is at its end"));
+  EXPECT_THAT(refusal("resume", {{"localization_only", 1}, {"takes_orders", 1}}), IsEmpty());
+  EXPECT_THAT(refusal("start_map", {{"localization_only", 0}, {"takes_orders", 1}}), IsEmpty());
+  EXPECT_THAT(Commands(CommandKind::kPause), IsEmpty());
+  EXPECT_THAT(Commands(CommandKind::kNewMap), SizeIs(1));
+  living_[kTracker].figures = {{"paused", 1}};
+  atlas_.OnStatus(living_[kTracker], now_);
+  EXPECT_THAT(atlas_.WouldObey(CommandKind::kActivateMap, 3, now_).error().message, HasSubstr("paused"));
+  Track(kTracker, MapId());
+  EXPECT_THAT(ReplyTo(Ask(tool, "start_map")).reason, HasSubstr("in no map"));
+}
+
 TEST_F(AtlasMapsTest, GlobalBundleAdjustmentNeedsAMapWithAMapper) {
   StartInNewMap(60, 1);
-  EXPECT_TRUE(ReplyTo(Ask(kTracker, "global_ba", kNew)).ok);
+  EXPECT_THAT(ReplyTo(Ask(kTracker, "global_ba", kNew)).reason, HasSubstr("has no loop_closer"));
+  Live(ProcessId(3, 30, 1), "loop_closer");
+  Go(1);
+  const Reply told = ReplyTo(Ask(kTracker, "global_ba", kNew));
+  EXPECT_TRUE(told.ok) << told.reason;
+  EXPECT_THAT(told.text, HasSubstr("loop_closer of robot 3"));
   ASSERT_THAT(Commands(CommandKind::kAdjustMap), SizeIs(1));
   EXPECT_EQ(Commands(CommandKind::kAdjustMap)[0].map, kNew);
   EXPECT_THAT(ReplyTo(Ask(kTracker, "global_ba", kOld)).reason, HasSubstr("dormant"));

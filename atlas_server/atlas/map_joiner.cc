@@ -151,7 +151,7 @@ void MapJoiner::Gather(Proposal* proposal, double now_s) {
   atlas_->Hold(proposal->other, owner, now_s);
 }
 
-Status MapJoiner::Order(RobotId robot, MapId map, double now_s) {
+Status MapJoiner::Order(const Request& order, RobotId robot, MapId map, double now_s) {
   const std::vector<ProcessId> trackers = atlas_->TrackersOf(robot, now_s);
   if (trackers.empty()) return Error{fmt::format("robot {} has no tracker", robot)};
   if (atlas_->maps().count(map) == 0) return Error{"map " + ToString(map) + " is not known here"};
@@ -163,19 +163,21 @@ Status MapJoiner::Order(RobotId robot, MapId map, double now_s) {
   }
   const auto way = current.IsValid() ? atlas_->graph().FindWay(map, current) : std::nullopt;
   // Of maps that nobody knows where they lie to each other the tracker looks for its place, as if it were lost.
-  DetectedOverlap order;
-  order.map = way ? current : MapId();
-  order.other = map;
-  order.other_from_map = way.value_or(Sim3d());
-  Switch(robot, order, now_s);
+  DetectedOverlap known;
+  known.map = way ? current : MapId();
+  known.other = map;
+  known.other_from_map = way.value_or(Sim3d());
+  Switch(robot, known, now_s);
+  proposals_.back().order = order;
   return Ok{};
 }
 
-Status MapJoiner::OrderFusion(const DetectedOverlap& overlap, double now_s) {
+Status MapJoiner::OrderFusion(const Request& order, const DetectedOverlap& overlap, double now_s) {
   if (IsBusy(overlap.map) || IsBusy(overlap.other)) return Error{"a switch or fusion is under way"};
   ++counters_.overlaps;
   atlas_->LinkMaps({overlap.other, overlap.map, overlap.other_from_map, MapGraph::Origin::kOverlap});
   BeginFusion(overlap.map.robot(), overlap.other, overlap.map, overlap, now_s);
+  proposals_.back().order = order;
   return Ok{};
 }
 
@@ -276,6 +278,7 @@ std::optional<MapCorrection> MapJoiner::TakeCorrection() { return std::exchange(
 void MapJoiner::Finish(Proposals::iterator proposal, const std::string& problem, double now_s) {
   JoinRecord record = std::move(proposal->record);
   const MapId map = proposal->map, other = proposal->other;
+  const std::optional<Request> order = std::move(proposal->order);
   proposals_.erase(proposal);
   atlas_->Release(map);
   atlas_->Release(other);
@@ -292,6 +295,7 @@ void MapJoiner::Finish(Proposals::iterator proposal, const std::string& problem,
     spdlog::warn("{} of map {} and map {} came to nothing: {}", what, ToString(map), ToString(other), problem);
     if (other.IsValid()) Block(map, other);
   }
+  if (order) ended_orders_.push_back({*order, record});
   records_.push_back(std::move(record));
   if (records_.size() > kMaxRecords) records_.pop_front();
 }

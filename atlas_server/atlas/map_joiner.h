@@ -61,10 +61,16 @@ class MapJoiner {
   /// Whether anything would follow from an overlap between the map a robot is in and another: otherwise it is not looked for.
   bool WantsOverlap(RobotId robot, MapId map, MapId other, double now_s) const;
   void OnOverlap(RobotId robot, const DetectedOverlap& overlap, double now_s);
-  /// The robot's tracker is to go to `map` by order of a user. @return why not.
-  Status Order(RobotId robot, MapId map, double now_s);
-  /// Two maps are to be fused by order of a user. @return why not.
-  Status OrderFusion(const DetectedOverlap& overlap, double now_s);
+  /// The robot's tracker is to go to `map` by order of a user, who hears of it when it has ended (TakeEndedOrders). @return why not.
+  Status Order(const Request& order, RobotId robot, MapId map, double now_s);
+  /// Two maps are to be fused by order of a user, the same way. @return why not.
+  Status OrderFusion(const Request& order, const DetectedOverlap& overlap, double now_s);
+  /// Orders that have come to their end since the last call, well or not.
+  struct EndedOrder {
+    Request order;
+    JoinRecord record;
+  };
+  std::vector<EndedOrder> TakeEndedOrders() { return std::exchange(ended_orders_, {}); }
 
   void OnMove(const Atlas::Move& move, double now_s);
   void OnMapperState(const MapperState& state, double now_s);
@@ -106,6 +112,7 @@ class MapJoiner {
     int refusals = 0;
     Sim3d map_from_other;
     JoinRecord record;
+    std::optional<Request> order;  ///< by which it was made; none: by an overlap
   };
   using Proposals = std::vector<Proposal>;
 
@@ -127,6 +134,7 @@ class MapJoiner {
   std::optional<MapCorrection> outbox_;
   uint64_t next_number_ = 1;
   std::vector<Done> done_;
+  std::vector<EndedOrder> ended_orders_;
   std::deque<JoinRecord> records_;
   Counters counters_;
 };

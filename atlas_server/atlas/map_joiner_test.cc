@@ -45,6 +45,11 @@ class MapJoinerTest : public AtlasWorld {
     joiner_.OnMapperState(state, now_);
     Collect();
   }
+  static Request Order(uint32_t number) {
+    Request order;
+    order.id = RequestId(0, 77, number);
+    return order;
+  }
   void LookAtKeyFrames(MapId map, int count) {
     for (int i = 0; i < count; ++i) joiner_.OnKeyFrame(map);
   }
@@ -283,20 +288,46 @@ TEST_F(MapJoinerTest, ARobotSwitchesWhileAnotherFuses) {
 
 TEST_F(MapJoinerTest, AUserOrdersASwitchAlongTheLinks) {
   StartInNewMap(60, 10);
-  EXPECT_THAT(joiner_.Order(9, kOld, now_).error().message, HasSubstr("robot 9 has no tracker"));
-  EXPECT_THAT(joiner_.Order(3, kOthers, now_).error().message, HasSubstr("not known"));
-  EXPECT_THAT(joiner_.Order(3, kNew, now_).error().message, HasSubstr("already"));
-  ASSERT_TRUE(joiner_.Order(3, kOld, now_).ok());
+  EXPECT_THAT(joiner_.Order(Order(1), 9, kOld, now_).error().message, HasSubstr("robot 9 has no tracker"));
+  EXPECT_THAT(joiner_.Order(Order(2), 3, kOthers, now_).error().message, HasSubstr("not known"));
+  EXPECT_THAT(joiner_.Order(Order(3), 3, kNew, now_).error().message, HasSubstr("already"));
+  ASSERT_TRUE(joiner_.Order(Order(4), 3, kOld, now_).ok());
   Collect();
   EXPECT_FALSE(Commands(CommandKind::kActivateMap)[0].other.IsValid()) << "nobody knows where the two lie to each other";
-  EXPECT_THAT(joiner_.Order(3, kOld, now_).error().message, HasSubstr("under way"));
+  EXPECT_THAT(joiner_.Order(Order(5), 3, kOld, now_).error().message, HasSubstr("under way"));
+  EXPECT_THAT(joiner_.TakeEndedOrders(), IsEmpty()) << "what is not done is not answered";
   Ask(kTracker, "refuse_map", kOld, MapId(), "not seen");
+  const auto refused = joiner_.TakeEndedOrders();
+  ASSERT_THAT(refused, SizeIs(1));
+  EXPECT_EQ(refused[0].order.id, Order(4).id);
+  EXPECT_EQ(refused[0].record.problem, "not seen");
   Ask(kTracker, "link_maps", kNew, kOld, "", OldFromNew().Inverse());
-  ASSERT_TRUE(joiner_.Order(3, kOld, now_).ok());
+  ASSERT_TRUE(joiner_.Order(Order(6), 3, kOld, now_).ok());
   Collect();
   const Command second = Commands(CommandKind::kActivateMap).back();
   EXPECT_EQ(second.other, kNew);
   EXPECT_THAT(second.map_from_other, Sim3Near(OldFromNew(), kExact, 1e-9));
+  Ask(kTracker, "enter_map", kOld, kNew, "", OldFromNew());
+  const auto done = joiner_.TakeEndedOrders();
+  ASSERT_THAT(done, SizeIs(1));
+  EXPECT_EQ(done[0].order.id, Order(6).id);
+  EXPECT_TRUE(done[0].record.is_done);
+}
+
+TEST_F(MapJoinerTest, AUserHearsWhatCameOfAFusion) {
+  StartInNewMap(60, 10);
+  ASSERT_TRUE(joiner_.OrderFusion(Order(1), Overlap(kNew, kOld), now_).ok());
+  Collect();
+  EXPECT_THAT(joiner_.OrderFusion(Order(2), Overlap(kNew, kOld), now_).error().message, HasSubstr("under way"));
+  const MapCorrection correction = Propose(*NextFusion());
+  EXPECT_THAT(joiner_.TakeEndedOrders(), IsEmpty());
+  AnswerFusion(correction);
+  const auto done = joiner_.TakeEndedOrders();
+  ASSERT_THAT(done, SizeIs(1));
+  EXPECT_EQ(done[0].order.id, Order(1).id);
+  EXPECT_TRUE(done[0].record.is_done);
+  EXPECT_EQ(done[0].record.map, kOld);
+  EXPECT_EQ(done[0].record.other, kNew);
 }
 
 /// A fusion needs the overlap from the side that goes, whichever saw it.

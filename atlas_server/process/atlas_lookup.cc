@@ -1,6 +1,8 @@
 // Overlaps in the atlas_server: which keyframes are looked up when, what lost trackers ask, and fusions, from the search to
 // the maps that are no more.
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <memory>
 #include <utility>
@@ -28,6 +30,12 @@ Result<Sim3d> AlignSharedPoints(const Map& map, const Map& other) {
     in_other.push_back(other.point(id).position_in_map.cast<double>());
   }
   return AlignPoints(in_other, in_map);
+}
+
+Reply Refusal(const Error& error) {
+  Reply reply;
+  reply.reason = error.message;
+  return reply;
 }
 
 }  // namespace
@@ -117,7 +125,7 @@ void AtlasProcess::TakeOrders() {
       continue;
     }
     if (order.kind == "activate") {
-      atlas_.Answer(order, Obey(order));
+      if (const Status obeyed = Obey(order); !obeyed) atlas_.Answer(order, Refusal(obeyed.error()));
       continue;
     }
     Search search{order, {}, "", Now()};
@@ -133,13 +141,26 @@ void AtlasProcess::TakeOrders() {
   }
 }
 
-Reply AtlasProcess::Obey(const Request& order) {
-  Reply reply;
+Status AtlasProcess::Obey(const Request& order) {
   const Result<RobotId> robot = atlas_.RobotOf(order, Now());
-  const Status obeyed = robot ? joiner_.Order(*robot, atlas_.Resolve(order.map), Now()) : Status(robot.error());
-  reply.ok = obeyed.ok();
-  if (!obeyed) reply.reason = obeyed.error().message;
-  return reply;
+  if (!robot) return robot.error();
+  if (Status obeys = atlas_.WouldObey(CommandKind::kActivateMap, *robot, Now()); !obeys) return obeys;
+  return joiner_.Order(order, *robot, atlas_.Resolve(order.map), Now());
+}
+
+/// Only what has happened is ok.
+void AtlasProcess::AnswerEndedOrders() {
+  for (const auto& [order, record] : joiner_.TakeEndedOrders()) {
+    if (!record.is_done) {
+      atlas_.Answer(order, Refusal(Error{record.problem}));
+      continue;
+    }
+    Reply reply;
+    reply.ok = true;
+    reply.text = record.kind == JoinRecord::Kind::kSwitch ? fmt::format("robot {} is in map {}", record.robot, ToString(record.map))
+                                                          : fmt::format("map {} is part of map {}", ToString(record.other), ToString(record.map));
+    atlas_.Answer(order, std::move(reply));
+  }
 }
 
 /// One step of the first.
@@ -149,7 +170,7 @@ void AtlasProcess::ContinueSearches() {
   searches_.pop_front();
   if (std::optional<Reply> reply = ContinueSearch(&search)) {
     atlas_.Answer(search.request, std::move(*reply));
-  } else {
+  } else if (!search.is_handed_over) {
     searches_.push_back(std::move(search));
     if (searches_.back().request.kind == "fuse") loop_->Post([this] { Continue(); });
   }
@@ -218,10 +239,9 @@ std::optional<Reply> AtlasProcess::LookForFusion(Search* search) {
   shelf_.Trim();
   if (!detection.refusals.empty()) search->reason = detection.refusals.front().reason;
   if (!detection.confirmed) return std::nullopt;
-  const Status begun = joiner_.OrderFusion(*detection.confirmed, Now());
-  reply.ok = begun.ok();
-  if (!begun) reply.reason = begun.error().message;
-  return reply;
+  if (const Status begun = joiner_.OrderFusion(search->request, *detection.confirmed, Now()); !begun) return Refusal(begun.error());
+  search->is_handed_over = true;
+  return std::nullopt;
 }
 
 /// What the proposal reads around a keyframe. @return false: go on in the next event.

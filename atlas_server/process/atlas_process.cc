@@ -270,6 +270,7 @@ void AtlasProcess::PublishDecisions() {
   for (const Atlas::Move& move : atlas_.TakeMoves()) joiner_.OnMove(move, Now());
   TakeOrders();
   for (const MapJoiner::Done& done : joiner_.TakeDone()) OnFused(done.map, done.other, done.revision);
+  AnswerEndedOrders();
   for (const MapId map : atlas_.TakeDeleted()) {
     shelf_.Remove(map);
     detector_.Forget(map);

@@ -98,12 +98,14 @@ class AtlasProcess {
     std::deque<KeyFrameId> keyframes;  ///< "fuse": of `other`, still to be looked up in `map`
     std::string reason;                ///< why the last came to nothing
     double since_s = 0;
+    bool is_handed_over = false;       ///< "fuse": an overlap was found; answered when the fusion has ended
   };
   void QueueKeyFrame(const MapperState& state);
   bool LookUpNext();
   void LookUp(const Waiting& next, const Map& map, const BowVector& bow);
   void TakeOrders();
-  Reply Obey(const Request& order);
+  Status Obey(const Request& order);
+  void AnswerEndedOrders();
   void ContinueSearches();
   std::optional<Reply> ContinueSearch(Search* search);
   Reply Locate(const Request& request, const KeyFrameData& frame);

@@ -20,6 +20,7 @@ namespace {
 constexpr double kRatesS = 3.0;    // three statuses of each process, one a second
 constexpr double kRefreshS = 1.0;  // of --watch
 constexpr double kSwapS = 30.0;    // longer than the atlas_server gives it
+constexpr double kJoinS = 90.0;    // the same, of what JoinOptions gives a switch or fusion
 
 void Print(const std::string& text) {
   std::fwrite(text.data(), 1, text.size(), stdout);
@@ -185,6 +186,7 @@ Status SendMapRequest(ToolSession* session, const std::string& kind, const ToolA
       other = *second;
     }
   }
+  if (kind == "activate" || kind == "fuse") session->BePatient(kJoinS);  // they are answered when they are done
   const Result<Reply> reply = session->Ask(kind, map, other, arguments.robot);
   if (!reply) return reply.error();
   PrintOk(*reply);

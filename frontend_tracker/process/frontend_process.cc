@@ -172,19 +172,20 @@ void FrontendProcess::StartWhenAnswered() {
   if (!requests_.empty() && Clock::now() - phase_start_ < kAtlasPatience) return;
   spdlog::info("backend_mapper and atlas_server are there; starting");
   phase_ = Phase::kRunning;
+  OnStatusTimer();  // it takes orders from now on
   pump_.Start();
 }
 
 void FrontendProcess::OnCommand(const Command& command) {
-  const bool is_running = phase_ == Phase::kRunning || phase_ == Phase::kDraining;
   if (IsOrder(command)) {
-    if (!is_running || command.robot != setup_.options.robot) return;
+    if (!TakesOrders() || command.robot != setup_.options.robot) return;
     if (command.kind == CommandKind::kPause || command.kind == CommandKind::kResume) paused_ = command.kind == CommandKind::kPause;
   }
   tracker_.OnCommand(command);
   NoteFollowedMaps();
   AskForSnapshots();
   ReleasePumpIfReady();
+  if (IsOrder(command)) OnStatusTimer();  // what may be ordered next depends on it
 }
 
 void FrontendProcess::OnReply(const Reply& reply) {
@@ -381,6 +382,9 @@ void FrontendProcess::OnStatusTimer() {
                    {"frames_unreadable", static_cast<double>(playback.unreadable)},
                    {"maps", static_cast<double>(tracker_.replicas().size())},
                    {"links", static_cast<double>(tracker_.links().num_links())},
+                   {"takes_orders", TakesOrders() ? 1.0 : 0.0},
+                   {"paused", paused_ ? 1.0 : 0.0},
+                   {"localization_only", tracker_.localization_only() ? 1.0 : 0.0},
                    {"switches", static_cast<double>(events.switches)},
                    {"fusions", static_cast<double>(events.fusions)},
                    {"refused_moves", static_cast<double>(events.refusals)},

@@ -42,6 +42,7 @@ class FrontendProcess {
   void StartWhenAnswered();
   void OnFrame(PlayedFrame frame);
   void OnCommand(const Command& command);
+  bool TakesOrders() const { return phase_ == Phase::kRunning; }
   void OnReply(const Reply& reply);
   void OnMapper(const MapperState& state);
   void OnDeltaChunk(MapDeltaChunk chunk);

@@ -30,6 +30,20 @@ Ended DeploymentTest::Tool(const std::vector<std::string>& arguments) {
   return RunToEnd(command);
 }
 
+void DeploymentTest::ExpectTool(const std::vector<std::string>& arguments, int code, const std::string& output) {
+  const Ended ended = Tool(arguments);
+  EXPECT_EQ(ended.code, code) << arguments[0] << ": " << ended.output;
+  EXPECT_THAT(ended.output, ::testing::HasSubstr(output)) << arguments[0];
+}
+
+nlohmann::json DeploymentTest::ToolJson(const std::vector<std::string>& arguments) {
+  const Ended ended = Tool(arguments);
+  EXPECT_EQ(ended.code, 0) << ended.output;
+  nlohmann::json json = nlohmann::json::parse(ended.output, nullptr, false);
+  EXPECT_FALSE(json.is_discarded()) << ended.output;
+  return json;
+}
+
 ProcessStatus DeploymentTest::StatusOf(const std::string& name) {
   const StatusWatch::Heard heard = watch().heard();
   const ProcessStatus* status = heard.OfPid(processes_.at(name)->pid());

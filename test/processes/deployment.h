@@ -21,6 +21,10 @@ class DeploymentTest : public ProcessTest {
   std::string StandbyOut() const { return folder_.Path("standby"); }
   /// `portolan` in this test's domain.
   Ended Tool(const std::vector<std::string>& arguments);
+  /// The same, with the exit code and a part of the output that are expected.
+  void ExpectTool(const std::vector<std::string>& arguments, int code, const std::string& output);
+  /// The same, of a command that prints JSON.
+  nlohmann::json ToolJson(const std::vector<std::string>& arguments);
   /// Waits for the end of a process, by role or name.
   Ended WaitFor(const std::string& name) { return WaitForEnd(processes_.at(name).get()); }
   /// What it told of itself last; empty if it has not yet.

@@ -21,14 +21,6 @@ class MapsTest : public ProcessTest {
   }
   int Summary(const std::string& key) const { return summary_.at(key).get<int>(); }
 
-  /// The street in pieces (see make_sequence.py). @return its folder.
-  std::string InPieces(const std::string& parts) {
-    const std::string folder = folder_.Path("pieces");
-    const Ended made = RunToEnd({"/usr/bin/python3", PORTOLAN_MAKE_SEQUENCE, Sequence(), folder, "--parts", parts});
-    EXPECT_EQ(made.code, 0) << made.output;
-    return folder;
-  }
-
   nlohmann::json summary_;
 };
 

@@ -89,6 +89,13 @@ std::string ProcessTest::CopyOfSequence() const {
   return copy;
 }
 
+std::string ProcessTest::InPieces(const std::string& parts) {
+  const std::string folder = folder_.Path("pieces");
+  const Ended made = RunToEnd({"/usr/bin/python3", PORTOLAN_MAKE_SEQUENCE, Sequence(), folder, "--parts", parts});
+  EXPECT_EQ(made.code, 0) << made.output;
+  return folder;
+}
+
 std::string ProcessTest::Logs() const {
   std::string logs;
   for (const auto& entry : std::filesystem::recursive_directory_iterator(folder_.path())) {

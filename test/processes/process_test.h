@@ -51,6 +51,8 @@ class ProcessTest : public ::testing::Test {
   nlohmann::json Report(const std::string& name) const { return ReadReport(Out() + "/" + name + ".json"); }
   /// A copy of the rendered data set, to be spoiled. @return its folder.
   std::string CopyOfSequence() const;
+  /// The street in pieces (see make_sequence.py). @return its folder.
+  std::string InPieces(const std::string& parts);
   /// Everything that the programs wrote, for the message of a failure.
   std::string Logs() const;
 

@@ -24,18 +24,6 @@ class ToolTest : public DeploymentTest {
                                   kProcessDeadline))
         << Logs();
   }
-  void ExpectTool(const std::vector<std::string>& arguments, int code, const std::string& output) {
-    const Ended ended = Tool(arguments);
-    EXPECT_EQ(ended.code, code) << arguments[0] << ": " << ended.output;
-    EXPECT_THAT(ended.output, HasSubstr(output)) << arguments[0];
-  }
-  nlohmann::json ToolJson(const std::vector<std::string>& arguments) {
-    const Ended ended = Tool(arguments);
-    EXPECT_EQ(ended.code, kOk) << ended.output;
-    nlohmann::json json = nlohmann::json::parse(ended.output, nullptr, false);
-    EXPECT_FALSE(json.is_discarded()) << ended.output;
-    return json;
-  }
   /// A file with one map, of more keyframes than are kept of those that are in no map (ReplicaSet). @return the map.
   Map WriteMap(const std::string& path) const {
     Map map(MapId(0, 0xabcdef, 1), 3);
