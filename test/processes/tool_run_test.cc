@@ -1,7 +1,5 @@
 // What the command line tool asks of a run that goes on: maps begun, gone into and fused by order, a robot that waits, and one that changes no map.
 
-#include <algorithm>
-
 #include "map/map_file.h"
 #include "processes/deployment.h"
 #include "processes/run_output_check.h"
@@ -80,73 +78,6 @@ class ToolRunTest : public DeploymentTest {
   std::string vendor_, data_;
   int rounds_ = 0;
 };
-
-size_t NumShared(const Map& map, const Map& other) {
-  return static_cast<size_t>(std::count_if(other.keyframes().begin(), other.keyframes().end(),
-                                           [&](const auto& entry) { return map.FindKeyFrame(entry.first) != nullptr; }));
-}
-
-class ToolRunVendorsTest : public ToolRunTest, public ::testing::WithParamInterface<const char*> {};
-
-TEST_P(ToolRunVendorsTest, AMapIsBegunAndAnotherGoneIntoAndBothFused) {
-  StartRun(GetParam(), kManyRounds);
-  ASSERT_NO_FATAL_FAILURE(GoOnFor(kRound));
-  const MapId first = TrackersMap();
-  const MapId second = BeginMap();
-  const nlohmann::json graph = ToolJson({"graph", "--json"});
-  ASSERT_EQ(graph["links"].size(), 1u) << graph;
-  EXPECT_EQ(graph["links"][0]["origin"], "new_map");
-  ASSERT_NO_FATAL_FAILURE(GoOnFor(kRound));
-
-  Order({"activate", ToString(first)}, "ok: robot 0 is in map " + ToString(first));
-  ASSERT_NO_FATAL_FAILURE(WaitUntilTracked(first));
-  const Map into = Export(first), other = Export(second);
-  EXPECT_GE(other.keyframes().size(), 2u);
-  Order({"fuse", ToString(first), ToString(second)}, "ok: map " + ToString(second) + " is part of map " + ToString(first));
-  EXPECT_EQ(ToolJson({"maps", "--json"})["maps"].size(), 1u);
-  const Map fused = Export(first);
-  EXPECT_GE(2 * NumShared(fused, into), into.keyframes().size());
-  EXPECT_GE(2 * NumShared(fused, other), other.keyframes().size());
-  ASSERT_NO_FATAL_FAILURE(GoOnFor(10));
-  EXPECT_EQ(watch().heard().tracker->map, first);
-
-  EndRun();
-  const nlohmann::json tracker = Report("frontend_tracker"), atlas = Report("atlas_server");
-  for (const nlohmann::json& report : {tracker, atlas}) {
-    EXPECT_EQ(report["maps"], 1);
-    EXPECT_EQ(report["switches"], 1);
-    EXPECT_EQ(report["fusions"], 1);
-  }
-  EXPECT_EQ(tracker["refused_moves"], 0);
-  EXPECT_EQ(tracker["unlinked_maps"], 0);
-  ExpectAccurateRun();
-}
-
-INSTANTIATE_TEST_SUITE_P(Vendors, ToolRunVendorsTest, ::testing::Values("fastdds", "cyclonedds"),
-                         [](const auto& parameter) { return std::string(parameter.param); });
-
-/// The tracker has nothing to go by but what it sees.
-TEST_F(ToolRunTest, AMapFromAFileIsGoneIntoThoughNobodyKnowsWhereItLies) {
-  StartRun("fastdds", kManyRounds, {"--set", "atlas.join_maps=false"});
-  ASSERT_NO_FATAL_FAILURE(GoOnFor(kRound));
-  const MapId first = TrackersMap();
-  const Map map = Export(first);
-  const MapId second = BeginMap();
-  Order({"delete", ToString(first)});
-  EXPECT_EQ(ToolJson({"graph", "--json"})["links"].size(), 0u);
-  Order({"load", Exported()}, "ok: " + ToString(first));
-
-  Order({"activate", ToString(first)}, "ok: robot 0 is in map " + ToString(first));
-  ASSERT_NO_FATAL_FAILURE(WaitUntilTracked(first));
-  EXPECT_GE(2 * NumShared(Export(first), map), map.keyframes().size());
-  const nlohmann::json graph = ToolJson({"graph", "--json"});
-  EXPECT_EQ(graph["links"].size(), 1u) << graph << ": the frame with which it went over saw both";
-  EndRun();
-  EXPECT_EQ(Report("frontend_tracker")["switches"], 1);
-  EXPECT_EQ(Report("atlas_server")["switches"], 1);
-  EXPECT_EQ(Report("atlas_server")["map_hash"].count(ToString(second)), 1u) << "it is kept, dormant";
-  ExpectAccurateRun();
-}
 
 TEST_F(ToolRunTest, APausedRobotLosesNothingAndItsMapIsAdjusted) {
   StartRun("fastdds", kFewRounds);
