@@ -127,6 +127,9 @@ Status CheckMoved(const MapCorrection& correction, const MovedMap& moved) {
   for (const auto& [id, position] : moved.points) {
     if (!IsSoundPosition(position)) return Error{NameOf(correction) + ": point " + ToString(id) + " would come to lie beyond any map"};
   }
+  for (const auto& [id, position] : correction.points) {  // of a fusion some are landmarks of the map that stays
+    if (!IsSoundPosition(position)) return Error{NameOf(correction) + ": point " + ToString(id) + " would come to lie beyond any map"};
+  }
   return Ok{};
 }
 

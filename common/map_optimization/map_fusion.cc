@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "base/time.h"
+#include "map/delta_check.h"
 #include "map_optimization/correction_steps.h"
 #include "map_optimization/map_correction.h"
 
@@ -90,6 +91,8 @@ Status CheckFusion(const MapCorrection& correction, const Map& other, const Map&
   if (correction.kind != "fusion") return Error{name + ": expected a fusion"};
   if (Status checked = CheckCorrection(correction, map); !checked.ok()) return checked;
   if (correction.other != other.id()) return Error{name + ": takes in " + ToString(correction.other) + ", the other map here is " + ToString(other.id())};
+  if (IsSimilarity(correction.map_from_other) && correction.map_from_other.translation.cwiseAbs().maxCoeff() > kMaxCoordinate)
+    return Error{name + ": map_from_other leads beyond any map"};
   if (!IsSimilarity(correction.map_from_other)) {
     return Error{name + ": map_from_other is no similarity, scale " + std::to_string(correction.map_from_other.scale)};
   }
