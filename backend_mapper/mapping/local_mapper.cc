@@ -17,7 +17,7 @@ namespace portolan {
 namespace {
 
 constexpr double kMinKnownShare = 0.5;  // of a keyframe's landmarks: with fewer in the map, it is not the map that the keyframe was tracked in
-constexpr size_t kKeyFramesAround = 10;
+constexpr size_t kKeyFramesAround = 10;  // of the reference: as many as new points and duplicates are looked for in
 constexpr double kPoseRadiusPx = 10.0;  // the map has moved a little since the pose was found
 
 }  // namespace

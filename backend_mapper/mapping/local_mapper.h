@@ -58,7 +58,8 @@ class LocalMapper {
   /// One tracked keyframe through all steps, cheapest news first: insertion is published at once, then new points, then
   /// fusion and local BA (left out while `more_work_waits` says so), then pruning. `stop` interrupts the BA. Fails,
   /// changing nothing, when the keyframe does not fit the map: its reference is unknown, it is there already, or fewer
-  /// than options.min_landmarks of its landmarks still exist.
+  /// than options.min_landmarks agree with its pose: of those that it names and that still exist, or, where most are
+  /// gone, of those around its reference that are where its pose puts them.
   Status Process(KeyFramePtr data, const KeyFrameMessage& message, const MoreWorkWaits& more_work_waits,
                  const std::atomic<bool>* stop);
 

@@ -35,6 +35,14 @@ class KeyFramePolicyTest : public ::testing::Test {
     return frame;
   }
 
+  /// Four keyframes instead, whose landmarks count as established.
+  void MakeEstablished() {
+    SyntheticSceneOptions options = scene_.options;
+    options.num_views = 4;
+    scene_ = MakeSyntheticScene(options);
+    map_ = BuildMap(scene_);
+  }
+
   SyntheticScene scene_;
   Map map_;
   static KeyFramePolicyOptions PaperOptions() {
@@ -112,10 +120,7 @@ TEST_F(KeyFramePolicyTest, ThresholdScalesWithItsFactor) {
 
 TEST_F(KeyFramePolicyTest, ANewViewCountsWithoutDistance) {
   EXPECT_FALSE(policy_.IsViewNew(map_, MakeFrame(0.5, 0.5)));  // landmarks that only two keyframes see don't count
-  SyntheticSceneOptions options = scene_.options;
-  options.num_views = 4;
-  scene_ = MakeSyntheticScene(options);
-  map_ = BuildMap(scene_);
+  MakeEstablished();
   const Frame near_same = MakeFrame(0.5, 1.0), near_new = MakeFrame(0.5, 0.5);
   EXPECT_FALSE(policy_.IsFarEnough(map_, near_new));
   EXPECT_EQ(policy_.Decide(map_, near_same, true), Decision::kNo);
@@ -127,10 +132,7 @@ TEST_F(KeyFramePolicyTest, ANewViewCountsWithoutDistance) {
 }
 
 TEST_F(KeyFramePolicyTest, AKnownPlaceIsNotMappedAgainForWhatIsNotTrackedOfIt) {
-  SyntheticSceneOptions options = scene_.options;
-  options.num_views = 4;
-  scene_ = MakeSyntheticScene(options);
-  map_ = BuildMap(scene_);
+  MakeEstablished();
   const Frame frame = MakeFrame(0.5, 0.7);
   const KeyFrameId reference = frame.reference;
   const auto later = [&](uint32_t number) { return KeyFrameId(reference.robot(), reference.session(), reference.sequence() + number); };
@@ -161,10 +163,7 @@ TEST_F(KeyFramePolicyTest, AnUrgentFrameNeedsLessQualityIfTheMapperIsIdle) {
 }
 
 TEST_F(KeyFramePolicyTest, ABusyMapperIsInterruptedBeforeTheLandmarksRunOut) {
-  SyntheticSceneOptions options = scene_.options;
-  options.num_views = 4;
-  scene_ = MakeSyntheticScene(options);
-  map_ = BuildMap(scene_);
+  MakeEstablished();
   // Where it stands at a keyframe, with a view that has changed, but not so much that it would be urgent by its share.
   const Frame turned = MakeFrame(0.5, 0.65);
   const auto decide = [&](const Frame& frame, int few_points) {

@@ -254,9 +254,11 @@ void Tracker::ConsiderKeyFrame(Frame* frame, Output* output) {
   // A full map grows no more, but for what is needed to go on in it until the next one is there.
   if (options_.localization_only || (IsFull(map) && !beginning_.map().IsValid() && !move_)) return;
   const auto decision = keyframe_policy_.Decide(map, *frame, IsMapperIdle());
-  spdlog::debug("frame {}: {} of {} landmarks, view {}, urgent {}, mapper idle {}: {}", frame->number, frame->num_inliers, frame->num_candidates,
-                keyframe_policy_.IsViewNew(map, *frame) ? "new" : "known", keyframe_policy_.IsUrgent(map, *frame), IsMapperIdle(),
-                decision == KeyFramePolicy::Decision::kInsert ? "keyframe" : "no keyframe");
+  if (spdlog::should_log(spdlog::level::debug)) {  // its arguments look at all keyframes
+    spdlog::debug("frame {}: {} of {} landmarks, view {}, urgent {}, mapper idle {}: {}", frame->number, frame->num_inliers, frame->num_candidates,
+                  keyframe_policy_.IsViewNew(map, *frame) ? "new" : "known", keyframe_policy_.IsUrgent(map, *frame), IsMapperIdle(),
+                  decision == KeyFramePolicy::Decision::kInsert ? "keyframe" : "no keyframe");
+  }
   output->state.interrupt_mapper = decision == KeyFramePolicy::Decision::kInterrupt;
   const bool is_kept_for_later = decision == KeyFramePolicy::Decision::kInterrupt && is_mapper_silent_;
   if (decision != KeyFramePolicy::Decision::kInsert && !is_kept_for_later) return;

@@ -1,4 +1,4 @@
-// What the command line tool asks of a run that goes on: maps begun, gone into and fused by order, a robot that waits, and one that changes no map.
+// What the command line tool asks of a run that goes on: a robot that waits, one that changes no map, and then a map begun and fused by order.
 
 #include "map/map_file.h"
 #include "processes/deployment.h"
