@@ -55,19 +55,19 @@ void Atlas::Handle(const Request& request, double now_s) {
   }
   if (std::optional<Reply> reply = TryAnswer(request, now_s)) return Send(request, std::move(*reply));
   Reply refusal;
-  refusal.reason = "unknown request '" + request.kind +
-                   "': expected new_map, enter_map, refuse_map, link_maps, locate, register_mapper, list_maps, map_graph, save, activate, "
-                   "fuse, delete_map, import_map, start_map, global_ba, pause, resume, localize_only, map_again or swap";
+  refusal.reason =
+      "unknown request '" + request.kind +
+      "': expected new_map, enter_map, refuse_map, link_maps, locate, register_mapper, list_maps, map_graph, save, "
+      "activate, "
+      "fuse, delete_map, import_map, start_map, global_ba, pause, resume, localize_only, map_again or swap";
   Send(request, std::move(refusal));
 }
 
 std::optional<Reply> Atlas::TryAnswer(const Request& request, double now_s) {
-  static const std::map<std::string, CommandKind> kForwarded = {{"start_map", CommandKind::kNewMap},
-                                                                {"pause", CommandKind::kPause},
-                                                                {"resume", CommandKind::kResume},
-                                                                {"localize_only", CommandKind::kLocalizeOnly},
-                                                                {"map_again", CommandKind::kMapAgain},
-                                                                {"global_ba", CommandKind::kAdjustMap}};
+  static const std::map<std::string, CommandKind> kForwarded = {
+      {"start_map", CommandKind::kNewMap},   {"pause", CommandKind::kPause},
+      {"resume", CommandKind::kResume},      {"localize_only", CommandKind::kLocalizeOnly},
+      {"map_again", CommandKind::kMapAgain}, {"global_ba", CommandKind::kAdjustMap}};
   const std::string& kind = request.kind;
   if (kind == "new_map") return AnswerNewMap(request, now_s);
   if (kind == "enter_map") return AnswerEnterMap(request, now_s);
@@ -109,7 +109,8 @@ Reply Atlas::AnswerNewMap(const Request& request, double now_s) {
   tracker.last_seen_s = now_s;
   graph_.AddNewMap(request.map, Resolve(request.other));
   reply.ok = true;
-  reply.text = std::to_string(std::count_if(sizes_.begin(), sizes_.end(), [](const auto& size) { return size.second > 0; }));
+  reply.text =
+      std::to_string(std::count_if(sizes_.begin(), sizes_.end(), [](const auto& size) { return size.second > 0; }));
   return reply;
 }
 
@@ -131,9 +132,11 @@ Reply Atlas::AnswerEnterMap(const Request& request, double now_s) {
   const Sim3d& found = request.map_from_other;
   const bool is_identity = found.scale == 1 && found.translation.isZero(0) && found.rotation.vec().isZero(0);
   const auto known = graph_.FindLink(map, other);
-  // A frame that is localised in both maps tells more of them than two keyframes do, but not than the frames a map began with.
+  // A frame that is localised in both maps tells more of them than two keyframes do, but not than the frames a map
+  // began with.
   if (!is_identity && (!known || known->origin != MapGraph::Origin::kNewMap)) {
-    LinkMaps({map, other, map_from_asked * found * other_from_asked.Inverse(), known ? known->origin : MapGraph::Origin::kEntered});
+    LinkMaps({map, other, map_from_asked * found * other_from_asked.Inverse(),
+              known ? known->origin : MapGraph::Origin::kEntered});
   }
   return reply;
 }
@@ -154,7 +157,8 @@ Reply Atlas::AnswerLinkMaps(const Request& request) {
   } else if (!IsValidSimilarity(request.map_from_other)) {
     reply.reason = "link_maps with a similarity that is none";
   } else {
-    LinkMaps({map, other, map_from_asked * request.map_from_other * other_from_asked.Inverse(), MapGraph::Origin::kNewMap});
+    LinkMaps(
+        {map, other, map_from_asked * request.map_from_other * other_from_asked.Inverse(), MapGraph::Origin::kNewMap});
     reply.ok = true;
   }
   return reply;
@@ -347,7 +351,9 @@ void Atlas::PromoteStandby(Robot* robot, double now_s) {
 void Atlas::Serve(RobotId robot_id, MapId id, double now_s) {
   const auto robot = robots_.find(robot_id);
   const auto map = maps_.find(id);
-  if (robot == robots_.end() || map == maps_.end() || robot->second.is_leaving || !robot->second.mapper.IsValid() || !IsAlive(robot->second.mapper, now_s)) return;
+  if (robot == robots_.end() || map == maps_.end() || robot->second.is_leaving || !robot->second.mapper.IsValid() ||
+      !IsAlive(robot->second.mapper, now_s))
+    return;
   const ProcessId owner = map->second.owner;
   if (owner.IsValid() && owner != self_ && IsAlive(owner, now_s)) return;
   Grant(&map->second, robot->second.mapper);
@@ -439,7 +445,9 @@ size_t Atlas::SizeOf(MapId map) const {
   return size == sizes_.end() ? 0 : size->second;
 }
 
-bool Atlas::IsActive(MapId map, double now_s) const { return !TrackersIn(map, now_s).empty(); }
+bool Atlas::IsActive(MapId map, double now_s) const {
+  return !TrackersIn(map, now_s).empty();
+}
 
 std::vector<ProcessId> Atlas::TrackersIn(MapId map, double now_s) const {
   std::vector<ProcessId> in;

@@ -14,9 +14,9 @@
 
 namespace portolan {
 
-/// Which process owns which map in which epoch, where the trackers are, and how maps belong together: the decisions of the
-/// atlas_server, as functions from what it hears to what it says. Without DDS, clock or threads; time is given in seconds of
-/// any steady clock.
+/// Which process owns which map in which epoch, where the trackers are, and how maps belong together: the decisions of
+/// the atlas_server, as functions from what it hears to what it says. Without DDS, clock or threads; time is given in
+/// seconds of any steady clock.
 ///
 ///   Atlas atlas(my_process, now_s);
 ///   atlas.Restore(store.ownerships(), graph);
@@ -27,17 +27,17 @@ namespace portolan {
 ///
 /// The rules:
 /// - A robot has one mapper at a time: the first that registers. Another is refused as soon as that one shows that it
-/// lives, unless it registers as
-///   "standby" (argument of the request); when the mapper dies, a standby or whoever registers next has its place. A standby
-/// that follows an earlier atlas_server's word is known by its status. How one leaves its place to a standby: Succession.
-/// - A map that a tracker asks for is granted to its robot's mapper, once there is one. A tracker's wanted maps (the one
-/// it asked for last, the one it is in) pass on to its robot's mapper when their owner is dead. Each grant is in the next
-/// epoch; an epoch never falls.
+/// lives, unless it registers as "standby" (argument of the request); when the mapper dies, a standby or whoever
+/// registers next has its place. A standby that follows an earlier atlas_server's word is known by its status. How one
+/// leaves its place to a standby: Succession.
+/// - A map that a tracker asks for is granted to its robot's mapper, once there is one. A tracker's wanted maps (the
+/// one it asked for last, the one it is in) pass on to its robot's mapper when their owner is dead. Each grant is in
+/// the next epoch; an epoch never falls.
 /// - A map in which no tracker is and that none waits for is dormant: this process owns it, from the moment on that its
 /// mapper has nothing left to do in it. A tracker that is silent for kGoneS is gone.
 /// - Processes that were here before the atlas_server: it listens for kListenS before it decides anything, and takes up
-/// what their statuses tell. The same after a time in which it did not run itself (hung, stopped, its machine asleep): that
-/// it has heard nobody for so long says nothing of them.
+/// what their statuses tell. The same after a time in which it did not run itself (hung, stopped, its machine asleep):
+/// that it has heard nobody for so long says nothing of them.
 /// - One that stands by behind another atlas_server hears everything and decides nothing, until it is promoted.
 class Atlas {
  public:
@@ -148,7 +148,8 @@ class Atlas {
   std::vector<ProcessId> TrackersOf(RobotId robot, double now_s) const;
   /// Where a tracker is, as far as it told; none if unknown.
   MapId MapOf(ProcessId tracker) const;
-  /// The robot that a request is about: its argument, else the sender's if it has a tracker, else the only one that has.
+  /// The robot that a request is about: its argument, else the sender's if it has a tracker, else the only one that
+  /// has.
   Result<RobotId> RobotOf(const Request& request, double now_s) const;
   /// Whether the tracker of a robot would do what it is told, as far as its last status says. @return why not.
   Status WouldObey(CommandKind kind, RobotId robot, double now_s) const;
@@ -182,8 +183,8 @@ class Atlas {
   };
   struct Robot {
     ProcessId mapper;
-    bool adopted =
-        false;  ///< the mapper was here before this atlas_server, and may own maps of which nobody has told yet
+    /// The mapper was here before this atlas_server, and may own maps of which nobody has told yet.
+    bool adopted = false;
     std::vector<ProcessId> standbys;  ///< in the order of their registration
     bool is_leaving = false;          ///< the mapper: gets nothing new
   };
@@ -236,13 +237,13 @@ class Atlas {
   std::map<ProcessId, Peer> peers_;
   std::map<RobotId, Robot> robots_;
   std::map<ProcessId, Tracker> trackers_;
-  std::map<ProcessId, bool> idle_;         // mappers
+  std::map<ProcessId, bool> idle_;  // mappers
   MapGraph graph_;
-  std::map<MapId, size_t> sizes_;          // keyframes
+  std::map<MapId, size_t> sizes_;  // keyframes
   std::map<MapId, ProcessId> holds_;
   std::map<MapId, double> unwanted_since_s_;
-  std::map<MapId, Epoch> deleted_;         // what still comes of them is late; with the last epoch granted
-  std::set<MapId> told_fusions_;           // maps whose fusion was published by this session
+  std::map<MapId, Epoch> deleted_;  // what still comes of them is late; with the last epoch granted
+  std::set<MapId> told_fusions_;    // maps whose fusion was published by this session
   std::set<ProcessId> registered_;  // processes whose registration was answered, either way
   std::vector<Request> early_;      // came while listening
   std::vector<Registration> registrations_;

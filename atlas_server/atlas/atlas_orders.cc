@@ -1,4 +1,5 @@
-// What users order a robot's tracker or loop_closer to do. It is passed on where somebody is there who obeys, and refused with the reason where not.
+// What users order a robot's tracker or loop_closer to do. It is passed on where somebody is there who obeys, and
+// refused with the reason where not.
 
 #include <fmt/format.h>
 
@@ -46,7 +47,8 @@ Result<RobotId> Atlas::AdjusterOf(MapId id, double now_s) const {
   const auto map = maps_.find(id);
   if (map == maps_.end()) return Error{"map " + ToString(id) + " is not known here"};
   const ProcessId owner = map->second.owner;
-  if (owner == self_ || !IsAlive(owner, now_s)) return Error{"map " + ToString(id) + " is dormant: no mapper could change it"};
+  if (owner == self_ || !IsAlive(owner, now_s))
+    return Error{"map " + ToString(id) + " is dormant: no mapper could change it"};
   if (HolderOf(kLoopRole, owner.robot(), now_s).IsValid()) return owner.robot();
   return Error{fmt::format("robot {}, whose mapper has map {}, has no loop_closer", owner.robot(), ToString(id))};
 }
@@ -76,7 +78,8 @@ Result<RobotId> Atlas::RobotOf(const Request& request, double now_s) const {
   if (const std::string& argument = request.argument; !argument.empty()) {
     RobotId robot = 0;
     const auto [end, error] = std::from_chars(argument.data(), argument.data() + argument.size(), robot);
-    if (error != std::errc() || end != argument.data() + argument.size()) return Error{"'" + argument + "' is no robot's number"};
+    if (error != std::errc() || end != argument.data() + argument.size())
+      return Error{"'" + argument + "' is no robot's number"};
     if (TrackersOf(robot, now_s).empty()) return Error{"robot " + argument + " has no tracker"};
     return robot;
   }

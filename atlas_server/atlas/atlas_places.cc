@@ -47,7 +47,8 @@ void Atlas::AddStandby(ProcessId mapper) {
 bool Atlas::HasMapper(RobotId robot, double now_s) const {
   return std::any_of(peers_.begin(), peers_.end(), [&](const auto& entry) {
     const ProcessStatus& status = entry.second.status;
-    return entry.first.robot() == robot && status.role == kMapperRole && status.state != kStandbyState && IsAlive(entry.first, now_s);
+    return entry.first.robot() == robot && status.role == kMapperRole && status.state != kStandbyState &&
+           IsAlive(entry.first, now_s);
   });
 }
 
@@ -76,7 +77,8 @@ std::vector<ProcessId> Atlas::StandbysOf(const std::string& role, RobotId robot,
   std::vector<ProcessId> standbys;
   for (const auto& [id, peer] : peers_) {
     const bool is_its = role == kAtlasRole || id.robot() == robot;
-    if (is_its && peer.status.role == role && peer.status.state == kStandbyState && IsAlive(id, now_s)) standbys.push_back(id);
+    if (is_its && peer.status.role == role && peer.status.state == kStandbyState && IsAlive(id, now_s))
+      standbys.push_back(id);
   }
   return standbys;
 }

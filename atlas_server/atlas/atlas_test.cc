@@ -313,7 +313,8 @@ TEST_F(AtlasTest, RefusesWhatItDoesNotKnow) {
   EXPECT_THAT(without_map.reason, HasSubstr("map's id"));
 }
 
-/// Whatever happens in whatever order: epochs of a map rise by every grant, and no living owner loses a map that is in use.
+/// Whatever happens in whatever order: epochs of a map rise by every grant, and no living owner loses a map that is in
+/// use.
 TEST_F(AtlasTest, EpochsNeverFallAndLivingOwnersStay) {
   Random random(11);
   const std::vector<ProcessId> mappers = {kMapperA, kMapperB, ProcessId(3, 40, 1), ProcessId(3, 50, 1)};

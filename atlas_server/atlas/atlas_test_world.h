@@ -8,7 +8,8 @@
 
 #include "atlas/map_joiner.h"
 
-// What tests of the atlas's decisions share: a clock, processes that tell that they live whenever it goes on, and what was said.
+// What tests of the atlas's decisions share: a clock, processes that tell that they live whenever it goes on, and what
+// was said.
 
 namespace portolan {
 
@@ -50,8 +51,8 @@ class AtlasWorld : public ::testing::Test {
     Collect();
     return request.id;
   }
-  RequestId Ask(ProcessId sender, const std::string& kind, MapId map = MapId(), MapId other = MapId(), const std::string& argument = "",
-                const Sim3d& map_from_other = Sim3d()) {
+  RequestId Ask(ProcessId sender, const std::string& kind, MapId map = MapId(), MapId other = MapId(),
+                const std::string& argument = "", const Sim3d& map_from_other = Sim3d()) {
     Request request;
     request.sender = sender;
     request.kind = kind;

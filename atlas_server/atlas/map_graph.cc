@@ -15,23 +15,26 @@ MapGraph::Link Turned(const MapGraph::Link& link) {
 }  // namespace
 
 bool IsValidSimilarity(const Sim3d& similarity) {
-  return similarity.translation.allFinite() && similarity.rotation.coeffs().allFinite() && std::isfinite(similarity.scale) &&
-         similarity.scale > 0 && std::abs(similarity.rotation.norm() - 1) < 1e-3;
+  return similarity.translation.allFinite() && similarity.rotation.coeffs().allFinite() &&
+         std::isfinite(similarity.scale) && similarity.scale > 0 && std::abs(similarity.rotation.norm() - 1) < 1e-3;
 }
 
 MapGraph::MapGraph(const State& state) {
   for (const Fused& fused : state.fused) {
-    if (fused.map != fused.other && fused.map.IsValid() && IsValidSimilarity(fused.map_from_other)) fused_[fused.other] = fused;
+    if (fused.map != fused.other && fused.map.IsValid() && IsValidSimilarity(fused.map_from_other))
+      fused_[fused.other] = fused;
   }
   for (auto next = fused_.begin(); next != fused_.end();)
-    next = fused_.count(next->second.map) == 1 ? fused_.erase(next) : std::next(next);  // a chain is no state of this class
+    next = fused_.count(next->second.map) == 1 ? fused_.erase(next)
+                                               : std::next(next);  // a chain is no state of this class
   for (const auto& [other, fused] : fused_) AddMap(fused.map);
   for (const MapId map : state.maps) AddMap(map);
   for (const Link& link : state.links) {
     if (fused_.count(link.map) == 0 && fused_.count(link.other) == 0) SetLink(link);
   }
   for (const Activity& activity : state.activities) {
-    if (activity.map == activity.other || fused_.count(activity.map) == 1 || fused_.count(activity.other) == 1) continue;
+    if (activity.map == activity.other || fused_.count(activity.map) == 1 || fused_.count(activity.other) == 1)
+      continue;
     AddMap(activity.map);
     AddMap(activity.other);
     activities_[PairOf(activity.map, activity.other)] = activity.count;
@@ -53,13 +56,15 @@ void MapGraph::AddMap(MapId map) {
 
 void MapGraph::AddNewMap(MapId map, MapId adjacent) {
   AddMap(map);
-  if (!map.IsValid() || !adjacent.IsValid() || map == adjacent || fused_.count(map) == 1 || fused_.count(adjacent) == 1) return;
+  if (!map.IsValid() || !adjacent.IsValid() || map == adjacent || fused_.count(map) == 1 || fused_.count(adjacent) == 1)
+    return;
   AddMap(adjacent);
   if (activities_.emplace(PairOf(map, adjacent), 1).second) ++version_;
 }
 
 void MapGraph::SetLink(const Link& link) {
-  if (!link.map.IsValid() || !link.other.IsValid() || link.map == link.other || !IsValidSimilarity(link.map_from_other)) return;
+  if (!link.map.IsValid() || !link.other.IsValid() || link.map == link.other || !IsValidSimilarity(link.map_from_other))
+    return;
   if (fused_.count(link.map) == 1 || fused_.count(link.other) == 1) return;
   AddMap(link.map);
   AddMap(link.other);
@@ -142,7 +147,8 @@ std::optional<Sim3d> MapGraph::FindWay(MapId map, MapId other) const {
 std::vector<MapId> MapGraph::ByActivity(MapId map) const {
   std::vector<MapId> others(maps_.rbegin(), maps_.rend());
   others.erase(std::remove(others.begin(), others.end(), map), others.end());
-  std::stable_sort(others.begin(), others.end(), [&](MapId a, MapId b) { return ActivityOf(map, a) > ActivityOf(map, b); });
+  std::stable_sort(others.begin(), others.end(),
+                   [&](MapId a, MapId b) { return ActivityOf(map, a) > ActivityOf(map, b); });
   return others;
 }
 

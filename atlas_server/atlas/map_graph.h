@@ -12,8 +12,8 @@
 
 namespace portolan {
 
-/// What is known of how maps belong together (paper Sec. 6, step 1): how often the camera went from one to the other, and
-/// where they lie to each other. Pure values; one thread uses it.
+/// What is known of how maps belong together (paper Sec. 6, step 1): how often the camera went from one to the other,
+/// and where they lie to each other. Pure values; one thread uses it.
 ///
 ///   MapGraph graph;
 ///   graph.AddNewMap(map, adjacent);              // mutual activity 1
@@ -63,7 +63,8 @@ class MapGraph {
   void AddMap(MapId map);
   /// A map begun where another ended, which may be none.
   void AddNewMap(MapId map, MapId adjacent);
-  /// Replaces what was known of the two. Both are added if they are new. No effect between a map and itself, or where the similarity is none.
+  /// Replaces what was known of the two. Both are added if they are new. No effect between a map and itself, or where
+  /// the similarity is none.
   void SetLink(const Link& link);
   /// The camera went from one to the other.
   void CountSwitch(MapId map, MapId other);
@@ -105,8 +106,9 @@ struct MapLabel {
   bool is_active = false;
 };
 
-/// {"maps": [{map, keyframes, points, robot, owner, active}], "links": [{map, other, origin, scale, rotation (x, y, z, w), translation}],
-/// "activities": [{map, other, count}], "fused": [{map, other, scale, rotation, translation}]}; similarities are map_from_other.
+/// {"maps": [{map, keyframes, points, robot, owner, active}], "links": [{map, other, origin, scale, rotation (x, y, z,
+/// w), translation}], "activities": [{map, other, count}], "fused": [{map, other, scale, rotation, translation}]};
+/// similarities are map_from_other.
 std::string ToJson(const MapGraph& graph, const std::map<MapId, MapLabel>& labels);
 
 /// The same for Graphviz: maps as boxes, links as lines (dashed where only activity is known) with the mutual activity.

@@ -11,7 +11,8 @@ namespace {
 constexpr size_t kMaxRecords = 1000;  // kept for the report
 
 /// (feature of a keyframe, landmark of the other side) by pairs (own landmark, landmark of the other side).
-std::vector<std::pair<uint32_t, MapPointId>> FeaturesOf(const KeyFrame& keyframe, const std::vector<std::pair<MapPointId, MapPointId>>& pairs) {
+std::vector<std::pair<uint32_t, MapPointId>> FeaturesOf(const KeyFrame& keyframe,
+                                                        const std::vector<std::pair<MapPointId, MapPointId>>& pairs) {
   std::map<MapPointId, MapPointId> other_of(pairs.begin(), pairs.end());
   std::vector<std::pair<uint32_t, MapPointId>> seen;
   const std::vector<MapPointId> landmarks = keyframe.landmarks.ByFeature();
@@ -38,14 +39,16 @@ LoopClosure ToLoopClosure(const DetectedOverlap& overlap, const Map& map, const 
   loop.matched = overlap.current;
   loop.current_from_matched = overlap.place.query_from_candidate.Inverse();
   for (const auto& [query, candidate] : overlap.place.matches) {
-    if (map.FindPoint(query) != nullptr && other_map.FindPoint(candidate) != nullptr) loop.merges.emplace_back(candidate, query);
+    if (map.FindPoint(query) != nullptr && other_map.FindPoint(candidate) != nullptr)
+      loop.merges.emplace_back(candidate, query);
   }
   if (const KeyFrame* current = other_map.FindKeyFrame(loop.current)) loop.seen = FeaturesOf(*current, loop.merges);
   return loop;
 }
 
 bool MapJoiner::IsBusy(MapId map) const {
-  return std::any_of(proposals_.begin(), proposals_.end(), [map](const Proposal& p) { return p.map == map || p.other == map; });
+  return std::any_of(proposals_.begin(), proposals_.end(),
+                     [map](const Proposal& p) { return p.map == map || p.other == map; });
 }
 
 bool MapJoiner::IsFusing(MapId map) const {
@@ -67,7 +70,8 @@ void MapJoiner::Block(MapId map, MapId other) {
 }
 
 bool MapJoiner::WantsOverlap(RobotId robot, MapId map, MapId other, double now_s) const {
-  const bool has_proposal = std::any_of(proposals_.begin(), proposals_.end(), [&](const Proposal& p) { return p.robot == robot; });
+  const bool has_proposal =
+      std::any_of(proposals_.begin(), proposals_.end(), [&](const Proposal& p) { return p.robot == robot; });
   if (has_proposal || IsBusy(map) || IsBusy(other) || IsBlocked(map, other) || atlas_->SizeOf(other) == 0) return false;
   // A map that was begun beside another overlaps it, that is known: the camera has left the other on purpose.
   const auto link = atlas_->graph().FindLink(map, other);
@@ -105,8 +109,9 @@ void MapJoiner::Switch(RobotId robot, const DetectedOverlap& overlap, double now
   record.map_from_other = overlap.other_from_map;
   record.decided_s = now_s;
   atlas_->Activate(robot, proposal.map, proposal.other, proposal.map_from_other);
-  spdlog::info("robot {} is to switch from map {} ({} keyframes) to map {}: {} sees the place of {}", robot, ToString(proposal.other),
-               record.keyframes, ToString(proposal.map), ToString(overlap.current), ToString(overlap.matched));
+  spdlog::info("robot {} is to switch from map {} ({} keyframes) to map {}: {} sees the place of {}", robot,
+               ToString(proposal.other), record.keyframes, ToString(proposal.map), ToString(overlap.current),
+               ToString(overlap.matched));
   proposals_.push_back(std::move(proposal));
 }
 
@@ -130,16 +135,19 @@ void MapJoiner::BeginFusion(RobotId robot, MapId map, MapId other, const Detecte
   record.map_from_other = proposal.map_from_other;
   record.decided_s = now_s;
   proposals_.push_back(std::move(proposal));
-  spdlog::info("map {} ({} keyframes) is to go into map {} ({} keyframes): {} sees the place of {}", ToString(other), atlas_->SizeOf(other),
-               ToString(map), atlas_->SizeOf(map), ToString(overlap.current), ToString(overlap.matched));
+  spdlog::info("map {} ({} keyframes) is to go into map {} ({} keyframes): {} sees the place of {}", ToString(other),
+               atlas_->SizeOf(other), ToString(map), atlas_->SizeOf(map), ToString(overlap.current),
+               ToString(overlap.matched));
   Gather(&proposals_.back(), now_s);
 }
 
-/// Of a fusion's two maps one mapper is to be the owner: that of the map that stays, if a robot is in it, else that of the other.
+/// Of a fusion's two maps one mapper is to be the owner: that of the map that stays, if a robot is in it, else that of
+/// the other.
 void MapJoiner::Gather(Proposal* proposal, double now_s) {
   const auto owner_of = [&](MapId id) {
     const auto map = atlas_->maps().find(id);
-    const bool lives = map != atlas_->maps().end() && map->second.owner != self_ && atlas_->IsAlive(map->second.owner, now_s);
+    const bool lives =
+        map != atlas_->maps().end() && map->second.owner != self_ && atlas_->IsAlive(map->second.owner, now_s);
     return lives ? map->second.owner : ProcessId();
   };
   const MapId first = atlas_->IsActive(proposal->map, now_s) ? proposal->map : proposal->other;
@@ -202,9 +210,10 @@ void MapJoiner::OnMapperState(const MapperState& state, double now_s) {
   if (proposal == proposals_.end()) return;
   if (!state.correction_refusal.empty()) {
     // Mostly because the map was corrected since: then it is proposed anew from what it is now.
-    if (++proposal->refusals >= options_.max_proposals) return Finish(proposal, "refused by the mapper: " + state.correction_refusal, now_s);
-    spdlog::info("fusion of map {} and map {} refused by the mapper, proposed anew: {}", ToString(proposal->map), ToString(proposal->other),
-                 state.correction_refusal);
+    if (++proposal->refusals >= options_.max_proposals)
+      return Finish(proposal, "refused by the mapper: " + state.correction_refusal, now_s);
+    spdlog::info("fusion of map {} and map {} refused by the mapper, proposed anew: {}", ToString(proposal->map),
+                 ToString(proposal->other), state.correction_refusal);
     proposal->stage = Stage::kGathering;
     proposal->since_s = now_s;
     return;
@@ -217,10 +226,14 @@ void MapJoiner::OnMapperState(const MapperState& state, double now_s) {
 
 double MapJoiner::PatienceOf(Stage stage) const {
   switch (stage) {
-    case Stage::kSwitching: return options_.switch_patience_s;
-    case Stage::kGathering: return options_.grant_patience_s;
-    case Stage::kProposing: return std::numeric_limits<double>::infinity();  // work of this process
-    case Stage::kProposed: return options_.answer_patience_s;
+    case Stage::kSwitching:
+      return options_.switch_patience_s;
+    case Stage::kGathering:
+      return options_.grant_patience_s;
+    case Stage::kProposing:
+      return std::numeric_limits<double>::infinity();  // work of this process
+    case Stage::kProposed:
+      return options_.answer_patience_s;
   }
   return 0;
 }
@@ -229,13 +242,18 @@ void MapJoiner::OnTick(double now_s) {
   for (size_t i = proposals_.size(); i-- > 0;) {
     const auto proposal = proposals_.begin() + static_cast<ptrdiff_t>(i);
     const auto trackers = atlas_->TrackersOf(proposal->robot, now_s);
-    const bool is_there = std::any_of(trackers.begin(), trackers.end(), [&](ProcessId id) { return atlas_->MapOf(id) == proposal->map; });
+    const bool is_there =
+        std::any_of(trackers.begin(), trackers.end(), [&](ProcessId id) { return atlas_->MapOf(id) == proposal->map; });
     if (proposal->stage == Stage::kSwitching && trackers.empty()) {
       Finish(proposal, "the tracker is gone", now_s);
     } else if (proposal->stage == Stage::kSwitching && is_there) {
       Finish(proposal, "", now_s);
     } else if (now_s - proposal->since_s > PatienceOf(proposal->stage)) {
-      Finish(proposal, proposal->stage == Stage::kGathering ? "no mapper came to own both maps and take the same out of their keyframes" : "no answer", now_s);
+      Finish(proposal,
+             proposal->stage == Stage::kGathering
+                 ? "no mapper came to own both maps and take the same out of their keyframes"
+                 : "no answer",
+             now_s);
     } else if (proposal->stage == Stage::kGathering && !atlas_->IsAlive(proposal->owner, now_s)) {
       Gather(&*proposal, now_s);
     }
@@ -261,8 +279,8 @@ std::optional<FusionTask> MapJoiner::NextFusion(const std::function<Epoch(MapId)
 }
 
 void MapJoiner::OnProposed(Result<MapCorrection> correction, double now_s) {
-  const auto proposal =
-      std::find_if(proposals_.begin(), proposals_.end(), [](const Proposal& p) { return p.stage == Stage::kProposing; });
+  const auto proposal = std::find_if(proposals_.begin(), proposals_.end(),
+                                     [](const Proposal& p) { return p.stage == Stage::kProposing; });
   if (proposal == proposals_.end()) return;
   if (!correction) return Finish(proposal, correction.error().message, now_s);
   outbox_ = std::move(*correction);
@@ -273,7 +291,9 @@ void MapJoiner::OnProposed(Result<MapCorrection> correction, double now_s) {
   proposal->since_s = now_s;
 }
 
-std::optional<MapCorrection> MapJoiner::TakeCorrection() { return std::exchange(outbox_, std::nullopt); }
+std::optional<MapCorrection> MapJoiner::TakeCorrection() {
+  return std::exchange(outbox_, std::nullopt);
+}
 
 void MapJoiner::Finish(Proposals::iterator proposal, const std::string& problem, double now_s) {
   JoinRecord record = std::move(proposal->record);
@@ -289,7 +309,8 @@ void MapJoiner::Finish(Proposals::iterator proposal, const std::string& problem,
   const char* what = is_switch ? "switch" : "fusion";
   if (record.is_done) {
     ++(is_switch ? counters_.switches : counters_.fusions);
-    spdlog::info("{} of map {} and map {}: done in {:.2f} s", what, ToString(map), ToString(other), now_s - record.decided_s);
+    spdlog::info("{} of map {} and map {}: done in {:.2f} s", what, ToString(map), ToString(other),
+                 now_s - record.decided_s);
   } else {
     ++counters_.refused;
     spdlog::warn("{} of map {} and map {} came to nothing: {}", what, ToString(map), ToString(other), problem);

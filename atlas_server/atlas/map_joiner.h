@@ -16,12 +16,17 @@
 namespace portolan {
 
 struct JoinOptions {
-  int switch_keyframes = 50;    ///< of the current map: with more the tracker switches to the overlapped map, with fewer the two are fused (paper Sec. 6)
-  int retry_keyframes = 20;     ///< of the current map, after a proposal that came to nothing, and before the way back after a switch
-  int max_proposals = 3;        ///< of one fusion: a map that is being corrected refuses what was made from its last state
-  double switch_patience_s = 10;   ///< for the tracker's answer: it tries for 30 frames, and may have to fetch the map first
-  double grant_patience_s = 20;    ///< until one mapper holds both maps of a fusion
-  double answer_patience_s = 10;   ///< for the mapper's answer to a proposed fusion
+  /// Of the current map: with more the tracker switches to the overlapped map, with fewer the two are fused (paper Sec.
+  /// 6).
+  int switch_keyframes = 50;
+  /// Of the current map, after a proposal that came to nothing, and before the way back after a switch.
+  int retry_keyframes = 20;
+  /// Of one fusion: a map that is being corrected refuses what was made from its last state.
+  int max_proposals = 3;
+  /// For the tracker's answer: it tries for 30 frames, and may have to fetch the map first.
+  double switch_patience_s = 10;
+  double grant_patience_s = 20;   ///< until one mapper holds both maps of a fusion
+  double answer_patience_s = 10;  ///< for the mapper's answer to a proposed fusion
 };
 
 /// A fusion whose maps one mapper owns: to be proposed from copies of both.
@@ -44,24 +49,26 @@ struct JoinRecord {
   std::string problem;  ///< why it came to nothing
 };
 
-/// Brings overlapping maps together (paper Sec. 6, step 2): has the tracker switch to a dormant map, or two maps fused by one
-/// mapper. One proposal a robot at a time; each ends within bounded time, well or with a reason. Pure: it speaks through
-/// `atlas`, which must outlive it.
+/// Brings overlapping maps together (paper Sec. 6, step 2): has the tracker switch to a dormant map, or two maps fused
+/// by one mapper. One proposal a robot at a time; each ends within bounded time, well or with a reason. Pure: it speaks
+/// through `atlas`, which must outlive it.
 ///
 ///   if (joiner.WantsOverlap(robot, map, other, now_s)) ...detect...; joiner.OnOverlap(robot, overlap, now_s);
 ///   joiner.OnMove(move, now_s); joiner.OnMapperState(state, now_s); joiner.OnTick(now_s);
-///   if (auto task = joiner.NextFusion(epoch_of, agree, now_s)) joiner.OnProposed(ProposeFusion(...), now_s);   // on another thread
-///   if (auto correction = joiner.TakeCorrection()) publish it;
+///   if (auto task = joiner.NextFusion(epoch_of, agree, now_s)) joiner.OnProposed(ProposeFusion(...), now_s);   // on
+///   another thread if (auto correction = joiner.TakeCorrection()) publish it;
 class MapJoiner {
  public:
   MapJoiner(ProcessId self, const JoinOptions& options, Atlas* atlas) : self_(self), options_(options), atlas_(atlas) {}
 
   /// A keyframe of the robot's map was looked at: time, for retries.
   void OnKeyFrame(MapId map) { ++keyframes_[map]; }
-  /// Whether anything would follow from an overlap between the map a robot is in and another: otherwise it is not looked for.
+  /// Whether anything would follow from an overlap between the map a robot is in and another: otherwise it is not
+  /// looked for.
   bool WantsOverlap(RobotId robot, MapId map, MapId other, double now_s) const;
   void OnOverlap(RobotId robot, const DetectedOverlap& overlap, double now_s);
-  /// The robot's tracker is to go to `map` by order of a user, who hears of it when it has ended (TakeEndedOrders). @return why not.
+  /// The robot's tracker is to go to `map` by order of a user, who hears of it when it has ended (TakeEndedOrders).
+  /// @return why not.
   Status Order(const Request& order, RobotId robot, MapId map, double now_s);
   /// Two maps are to be fused by order of a user, the same way. @return why not.
   Status OrderFusion(const Request& order, const DetectedOverlap& overlap, double now_s);
@@ -77,9 +84,10 @@ class MapJoiner {
   void OnTick(double now_s);
 
   /// A fusion that is to be proposed now; once. None while another is being made. @param epoch_of a map's replica; 0 if
-  /// it is not whole. @param agree whether two maps' keyframes had the same residuals taken out (CheckResiduals); until they
-  /// do the fusion waits.
-  std::optional<FusionTask> NextFusion(const std::function<Epoch(MapId)>& epoch_of, const std::function<bool(MapId, MapId)>& agree, double now_s);
+  /// it is not whole. @param agree whether two maps' keyframes had the same residuals taken out (CheckResiduals); until
+  /// they do the fusion waits.
+  std::optional<FusionTask> NextFusion(const std::function<Epoch(MapId)>& epoch_of,
+                                       const std::function<bool(MapId, MapId)>& agree, double now_s);
   void OnProposed(Result<MapCorrection> proposal, double now_s);
   std::optional<MapCorrection> TakeCorrection();
 
@@ -129,8 +137,8 @@ class MapJoiner {
   JoinOptions options_;
   Atlas* atlas_;
   Proposals proposals_;
-  std::map<MapId, uint64_t> keyframes_;                            // looked at
-  std::map<std::pair<MapId, MapId>, uint64_t> blocked_until_;      // (current, other): count of keyframes_
+  std::map<MapId, uint64_t> keyframes_;                        // looked at
+  std::map<std::pair<MapId, MapId>, uint64_t> blocked_until_;  // (current, other): count of keyframes_
   std::optional<MapCorrection> outbox_;
   uint64_t next_number_ = 1;
   std::vector<Done> done_;

@@ -136,7 +136,8 @@ TEST_F(MapJoinerTest, ASmallMapIsFused) {
   // ... then the replicas have its epoch, ...
   EXPECT_FALSE(joiner_.NextFusion([](MapId) { return Epoch{1}; }, [](MapId, MapId) { return true; }, now_));
   // ... and agree about what the calibration left, ...
-  EXPECT_FALSE(joiner_.NextFusion([this](MapId id) { return EpochOf(id); }, [](MapId map, MapId other) { return map == other; }, now_));
+  EXPECT_FALSE(joiner_.NextFusion([this](MapId id) { return EpochOf(id); },
+                                  [](MapId map, MapId other) { return map == other; }, now_));
   const auto task = NextFusion();
   ASSERT_TRUE(task);
   EXPECT_EQ(task->map, kOld);
@@ -293,7 +294,8 @@ TEST_F(MapJoinerTest, AUserOrdersASwitchAlongTheLinks) {
   EXPECT_THAT(joiner_.Order(Order(3), 3, kNew, now_).error().message, HasSubstr("already"));
   ASSERT_TRUE(joiner_.Order(Order(4), 3, kOld, now_).ok());
   Collect();
-  EXPECT_FALSE(Commands(CommandKind::kActivateMap)[0].other.IsValid()) << "nobody knows where the two lie to each other";
+  EXPECT_FALSE(Commands(CommandKind::kActivateMap)[0].other.IsValid())
+      << "nobody knows where the two lie to each other";
   EXPECT_THAT(joiner_.Order(Order(5), 3, kOld, now_).error().message, HasSubstr("under way"));
   EXPECT_THAT(joiner_.TakeEndedOrders(), IsEmpty()) << "what is not done is not answered";
   Ask(kTracker, "refuse_map", kOld, MapId(), "not seen");
@@ -338,7 +340,8 @@ TEST(ToLoopClosureTest, TurnsAnOverlapAround) {
   OverlapDetector detector(options);
   StageTimes times;
   const KeyFrameId current = maps.Second(8);
-  const auto found = detector.Detect(maps.second, current, maps.second.keyframe(current).data->bow, {maps.FirstAsOther()}, nullptr, &times);
+  const auto found = detector.Detect(maps.second, current, maps.second.keyframe(current).data->bow,
+                                     {maps.FirstAsOther()}, nullptr, &times);
   ASSERT_TRUE(found.confirmed);
   const LoopClosure straight = ToLoopClosure(*found.confirmed, maps.first, maps.second);
   EXPECT_EQ(straight.current, current);

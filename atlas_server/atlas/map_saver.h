@@ -27,7 +27,8 @@ class MapSaver {
   /// All that is not stored yet, now. @param between is called after each piece. Stops at the first failure.
   Status SaveAll(const std::map<MapId, MapReplica>& replicas, double now_s, const std::function<void()>& between);
 
-  /// Keyframes stored since the last call, with the map they were stored for: their appearance need not be kept in memory.
+  /// Keyframes stored since the last call, with the map they were stored for: their appearance need not be kept in
+  /// memory.
   std::vector<std::pair<MapId, KeyFrameId>> TakeStored() { return std::exchange(stored_, {}); }
 
   /// Whether a state of the map from this revision on is stored.

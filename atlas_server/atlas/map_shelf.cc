@@ -6,7 +6,8 @@ namespace portolan {
 namespace {
 
 size_t AppearanceBytes(const KeyFrameData& data) {
-  return data.features.size() * (sizeof(Descriptor) + sizeof(float) + sizeof(uint32_t)) + data.nodes.size() * sizeof(data.nodes[0]);
+  return data.features.size() * (sizeof(Descriptor) + sizeof(float) + sizeof(uint32_t)) +
+         data.nodes.size() * sizeof(data.nodes[0]);
 }
 
 }  // namespace
@@ -50,8 +51,9 @@ void MapShelf::ForgetUnusedWords() {
   for (const auto& [id, replica] : maps()) known += replica.keyframe_data().size();
   if (bags_.size() <= known + 2 * ReplicaSet::kMaxUnusedData) return;
   for (auto next = bags_.begin(); next != bags_.end();) {
-    const bool is_known = std::any_of(maps().begin(), maps().end(),
-                                      [&](const auto& entry) { return entry.second.FindKeyFrameData(next->first) != nullptr; });
+    const bool is_known = std::any_of(maps().begin(), maps().end(), [&](const auto& entry) {
+      return entry.second.FindKeyFrameData(next->first) != nullptr;
+    });
     if (!is_known) ForgetAppearance(next->first);
     next = is_known ? std::next(next) : bags_.erase(next);
   }
@@ -66,8 +68,9 @@ std::vector<MapDelta> MapShelf::ApplyPending() {
 void MapShelf::Index(const MapDelta& delta) {
   for (const auto& removed : delta.removed_keyframes) {
     words_.Remove(removed.id, delta.map);
-    const bool is_elsewhere = std::any_of(maps().begin(), maps().end(),
-                                          [&](const auto& entry) { return entry.second.map().FindKeyFrame(removed.id) != nullptr; });
+    const bool is_elsewhere = std::any_of(maps().begin(), maps().end(), [&](const auto& entry) {
+      return entry.second.map().FindKeyFrame(removed.id) != nullptr;
+    });
     if (is_elsewhere) continue;
     bags_.erase(removed.id);
     ForgetAppearance(removed.id);
@@ -76,7 +79,8 @@ void MapShelf::Index(const MapDelta& delta) {
   const Map& map = maps().at(delta.map).map();
   for (const auto& state : delta.keyframes) {
     const auto bag = bags_.find(state.id);
-    if (bag == bags_.end() || words_.Find(state.id, delta.map) != nullptr || map.FindKeyFrame(state.id) == nullptr) continue;
+    if (bag == bags_.end() || words_.Find(state.id, delta.map) != nullptr || map.FindKeyFrame(state.id) == nullptr)
+      continue;
     words_.Add(state.id, bag->second, delta.map);
     for (const auto& [other, replica] : maps()) {
       if (other != delta.map && replica.map().FindKeyFrame(state.id) != nullptr) taken_in_.emplace(delta.map, other);
@@ -149,8 +153,8 @@ bool MapShelf::EnsureAppearance(const Map& map, const std::vector<KeyFrameId>& k
 }
 
 size_t MapShelf::NumMapsWithKeyFrames() const {
-  return static_cast<size_t>(
-      std::count_if(maps().begin(), maps().end(), [](const auto& entry) { return !entry.second.map().keyframes().empty(); }));
+  return static_cast<size_t>(std::count_if(maps().begin(), maps().end(),
+                                           [](const auto& entry) { return !entry.second.map().keyframes().empty(); }));
 }
 
 bool MapShelf::IsOverBudget() const {

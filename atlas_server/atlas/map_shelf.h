@@ -18,14 +18,15 @@
 namespace portolan {
 
 struct ShelfOptions {
-  double memory_mb = 100;     ///< for descriptors, orientations and direct indices of keyframes, 1e6 bytes
-  size_t newest = 60;         ///< keyframes that keep theirs while there is but one map: nothing is looked up in it
-  size_t loads_an_event = 32;  ///< keyframes whose descriptors are read from the store in one event: more than a lookup needs
+  double memory_mb = 100;  ///< for descriptors, orientations and direct indices of keyframes, 1e6 bytes
+  size_t newest = 60;      ///< keyframes that keep theirs while there is but one map: nothing is looked up in it
+  /// Keyframes whose descriptors are read from the store in one event: more than a lookup needs.
+  size_t loads_an_event = 32;
 };
 
-/// All maps as replicas, with the words of their keyframes, and of their descriptors what is used: the newest keyframes'
-/// and those looked at last. What is stored and not used goes, and comes back from the store on demand. Pure: no DDS, no
-/// threads; one thread uses it.
+/// All maps as replicas, with the words of their keyframes, and of their descriptors what is used: the newest
+/// keyframes' and those looked at last. What is stored and not used goes, and comes back from the store on demand.
+/// Pure: no DDS, no threads; one thread uses it.
 ///
 ///   MapShelf shelf(options, vocabulary, load);
 ///   shelf.AddKeyFrame(map, data);  shelf.replicas().AddChunk(chunk);  shelf.ApplyPending();
@@ -43,8 +44,8 @@ class MapShelf {
 
   /// No effect if the keyframe is known.
   void AddKeyFrame(MapId map, KeyFrameData data);
-  /// A whole map, whose state waits for ApplyPending(). @param is_stored whether descriptors may go. @param note_keyframe is called after each
-  /// keyframe, as many take seconds; may be null.
+  /// A whole map, whose state waits for ApplyPending(). @param is_stored whether descriptors may go. @param
+  /// note_keyframe is called after each keyframe, as many take seconds; may be null.
   void TakeIn(StoredMap map, bool is_stored, const std::function<void()>& note_keyframe);
   ReplicaSet& replicas() { return replicas_; }
   const ReplicaSet& replicas() const { return replicas_; }
@@ -66,11 +67,12 @@ class MapShelf {
   void OnStored(KeyFrameId keyframe) { stored_.insert(keyframe); }
   /// Allows for loads_an_event keyframes to be read again.
   void BeginEvent() { loads_left_ = options_.loads_an_event; }
-  /// Sees to it that keyframes of a map have their descriptors; false: too many are to be read in this event, go on in the next.
-  /// Those that can't be read are left without.
+  /// Sees to it that keyframes of a map have their descriptors; false: too many are to be read in this event, go on in
+  /// the next. Those that can't be read are left without.
   bool EnsureAppearance(const Map& map, const std::vector<KeyFrameId>& keyframes);
   OverlapDetector::EnsureAppearance Ensurer() {
-    return [this](const Map& map, const std::vector<KeyFrameId>& keyframes) { return EnsureAppearance(map, keyframes); };
+    return
+        [this](const Map& map, const std::vector<KeyFrameId>& keyframes) { return EnsureAppearance(map, keyframes); };
   }
   /// Drops what is beyond the budget, least used first.
   void Trim();
@@ -111,7 +113,7 @@ class MapShelf {
   ReplicaSet replicas_;
   KeyFrameIndex words_;  // of the keyframes in each map, a part for each
   std::unordered_map<KeyFrameId, std::shared_ptr<const BowVector>> bags_;  // of all keyframes, in a map or not yet
-  Appearances appearances_;               // in memory, last used last
+  Appearances appearances_;                                                // in memory, last used last
   std::unordered_map<KeyFrameId, Appearances::iterator> appearance_of_;
   std::set<KeyFrameId> stored_;
   std::set<std::pair<MapId, MapId>> taken_in_;

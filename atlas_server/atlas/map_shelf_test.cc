@@ -40,8 +40,9 @@ class MapShelfTest : public ::testing::Test {
     }
   }
   static size_t WithAppearance(const Map& map) {
-    return static_cast<size_t>(std::count_if(map.keyframes().begin(), map.keyframes().end(),
-                                             [](const auto& entry) { return entry.second.data->features.HasAppearance(); }));
+    return static_cast<size_t>(std::count_if(map.keyframes().begin(), map.keyframes().end(), [](const auto& entry) {
+      return entry.second.data->features.HasAppearance();
+    }));
   }
 
   const TwoMaps maps_;
@@ -169,9 +170,10 @@ TEST_F(MapShelfTest, OverlapsAreFoundInMapsWhoseDescriptorsAreInTheFile) {
   for (const size_t view : {8, 9}) {
     const KeyFrameId id = maps_.Second(view);
     shelf.BeginEvent();
-    const auto found = detector.Detect(*shelf.FindMap(maps_.second.id()), id, *shelf.FindWords(id), shelf.Others({maps_.first.id()}),
-                                       shelf.Ensurer(), &times);
-    const auto expected = in_memory.Detect(maps_.second, id, maps_.second.keyframe(id).data->bow, {maps_.FirstAsOther()}, nullptr, &times);
+    const auto found = detector.Detect(*shelf.FindMap(maps_.second.id()), id, *shelf.FindWords(id),
+                                       shelf.Others({maps_.first.id()}), shelf.Ensurer(), &times);
+    const auto expected = in_memory.Detect(maps_.second, id, maps_.second.keyframe(id).data->bow,
+                                           {maps_.FirstAsOther()}, nullptr, &times);
     ASSERT_TRUE(found.confirmed);
     EXPECT_EQ(found.confirmed->matched, expected.confirmed->matched);
     EXPECT_EQ(found.overlap.has_value(), expected.overlap.has_value());

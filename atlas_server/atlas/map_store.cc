@@ -87,7 +87,9 @@ Result<std::unique_ptr<MapStore>> MapStore::Open(const std::string& path) {
   return store;
 }
 
-bool MapStore::IsInUse(const Error& error) { return error.message.find(sqlite3_errstr(SQLITE_BUSY)) != std::string::npos; }
+bool MapStore::IsInUse(const Error& error) {
+  return error.message.find(sqlite3_errstr(SQLITE_BUSY)) != std::string::npos;
+}
 
 Status MapStore::Prepare() {
   // Exclusive: the lock is held while the store is open, and the index of the log is in memory in place of a mapped

@@ -26,9 +26,11 @@ namespace portolan {
 ///   map(id, epoch, revision, state)         state: EncodeSnapshot, zstd; its keyframes are in keyframe
 ///   ownership(map, robot, epoch, owner)     of every map ever granted and not deleted
 ///   graph_map(id), link(map, other, transform), fused(map, other, transform), activity(map, other, count)
-///                                           the map graph; transform: map_from_other (see TransformBlob in map_store.cc)
-/// Each blob has a hash over its content in it, which is verified when it is read; a blob that is damaged is left out and
-/// named. Schema 1 had no map graph; a file of it becomes one of schema 2, at once or not at all, when it is opened.
+///                                           the map graph; transform: map_from_other (see TransformBlob in
+///                                           map_store.cc)
+/// Each blob has a hash over its content in it, which is verified when it is read; a blob that is damaged is left out
+/// and named. Schema 1 had no map graph; a file of it becomes one of schema 2, at once or not at all, when it is
+/// opened.
 class MapStore {
  public:
   /// Opens a store or makes a new one. Fails on a file of another kind, of a newer schema, damaged, locked by another
@@ -47,7 +49,8 @@ class MapStore {
     std::vector<StoredMap> maps;               ///< by id
     std::vector<Atlas::Ownership> ownerships;  ///< by map
     Graph graph;                               ///< by map and other
-    std::vector<std::string> problems;  ///< maps and links that are damaged and left out, and why; they stay in the file
+    /// Maps and links that are damaged and left out, and why; they stay in the file.
+    std::vector<std::string> problems;
   };
   /// Fails when the file as a whole can't be read.
   Result<Content> Load();

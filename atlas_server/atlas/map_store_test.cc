@@ -213,7 +213,11 @@ TEST_F(MapStoreTest, RefusesANewerSchema) {
 void MakeSchema1(const fs::path& path) {
   auto database = SqlDatabase::Open(path);
   ASSERT_TRUE(database.ok());
-  ASSERT_TRUE(database->Execute("DROP TABLE graph_map; DROP TABLE link; DROP TABLE fused; DROP TABLE activity; PRAGMA user_version = 1").ok());
+  ASSERT_TRUE(
+      database
+          ->Execute(
+              "DROP TABLE graph_map; DROP TABLE link; DROP TABLE fused; DROP TABLE activity; PRAGMA user_version = 1")
+          .ok());
 }
 
 TEST_F(MapStoreTest, AFileOfSchema1KeepsItsMapsAndGetsAGraph) {
@@ -368,7 +372,9 @@ TEST_F(MapStoreTest, DamageOfABlobIsNoticedAndNamed) {
     const char* table;
     const char* column;
     const char* named;
-  } blobs[] = {{"keyframe", "data", "keyframe 0."}, {"map", "state", "map state"}, {"link", "transform", "link of map 0.000001.5 and map 0.000001.6"},
+  } blobs[] = {{"keyframe", "data", "keyframe 0."},
+               {"map", "state", "map state"},
+               {"link", "transform", "link of map 0.000001.5 and map 0.000001.6"},
                {"fused", "transform", "fusion of map 0.000001.7 and map 0.000001.8"}};
   for (const auto& [table, column, named] : blobs) {
     for (int round = 0; round < 20; ++round) {

@@ -11,11 +11,13 @@
 namespace portolan {
 namespace {
 
-// Keyframes whose scores are accumulated over their neighbours, over all maps: with many maps fewer of each, three at least.
+// Keyframes whose scores are accumulated over their neighbours, over all maps: with many maps fewer of each, three at
+// least.
 constexpr size_t kMaxScored = 60, kMinScoredOfMap = 3;
 // Keyframes for which a map keeps its turn: for as many candidates must be consistent, and two keyframes agree.
 constexpr int kTurn = 8;
-// Words looked up, times maps: each takes a walk over the keyframes that have it, of all maps. With many maps the most telling ones.
+// Words looked up, times maps: each takes a walk over the keyframes that have it, of all maps. With many maps the most
+// telling ones.
 constexpr size_t kMaxWords = 4000;
 
 /// Those with the largest weights, of equal ones the first; sorted by word.
@@ -34,10 +36,11 @@ Status OverlapOptions::Check() const {
   const auto require = [](bool holds, const char* field, auto value, const char* expected) {
     return holds ? Status(Ok{}) : Status(Error{fmt::format("atlas.{} is {}, expected {}", field, value, expected)});
   };
-  for (const Status& status : {require(max_verified >= 1, "max_verified", max_verified, "1 or more"),
-                               require(consistent_rounds >= 0, "consistent_rounds", consistent_rounds, "0 or more"),
-                               require(max_keyframes_apart >= 1, "max_keyframes_apart", max_keyframes_apart, "1 or more"),
-                               require(max_looked_up >= 1, "max_looked_up", max_looked_up, "1 or more")}) {
+  for (const Status& status :
+       {require(max_verified >= 1, "max_verified", max_verified, "1 or more"),
+        require(consistent_rounds >= 0, "consistent_rounds", consistent_rounds, "0 or more"),
+        require(max_keyframes_apart >= 1, "max_keyframes_apart", max_keyframes_apart, "1 or more"),
+        require(max_looked_up >= 1, "max_looked_up", max_looked_up, "1 or more")}) {
     if (!status) return status;
   }
   return Ok{};
@@ -53,7 +56,8 @@ std::vector<std::vector<SharedWords>> QueryMaps(const BowVector& bow, const std:
   return maps.front()->words->Query(bow, parts);
 }
 
-std::vector<KeyFrameId> KeyFramesRead(const Map& map, KeyFrameId keyframe, const NeighbourhoodOptions& options, size_t most) {
+std::vector<KeyFrameId> KeyFramesRead(const Map& map, KeyFrameId keyframe, const NeighbourhoodOptions& options,
+                                      size_t most) {
   const Neighbourhood side(map, keyframe, options);
   std::vector<KeyFrameId> read;
   for (size_t i = 0; i < side.keyframes().size() && i < most; ++i) read.push_back(side.keyframes()[i]->data->id);
@@ -64,19 +68,21 @@ void OverlapDetector::Forget(MapId map) {
   memories_.erase(map);
   for (auto& [id, memory] : memories_) {
     auto& confirmations = memory.confirmations;
-    confirmations.erase(
-        std::remove_if(confirmations.begin(), confirmations.end(), [map](const Confirmation& c) { return c.overlap.other == map; }),
-        confirmations.end());
+    confirmations.erase(std::remove_if(confirmations.begin(), confirmations.end(),
+                                       [map](const Confirmation& c) { return c.overlap.other == map; }),
+                        confirmations.end());
   }
 }
 
-OverlapDetection OverlapDetector::Detect(const Map& map, KeyFrameId current, const BowVector& bow, const std::vector<OtherMap>& others,
-                                         const EnsureAppearance& ensure, StageTimes* times) {
+OverlapDetection OverlapDetector::Detect(const Map& map, KeyFrameId current, const BowVector& bow,
+                                         const std::vector<OtherMap>& others, const EnsureAppearance& ensure,
+                                         StageTimes* times) {
   OverlapDetection detection;
   Memory& memory = memories_[map.id()];
   ++memory.round;
   auto& confirmations = memory.confirmations;
-  while (!confirmations.empty() && memory.round - confirmations.front().round > options_.max_keyframes_apart) confirmations.pop_front();
+  while (!confirmations.empty() && memory.round - confirmations.front().round > options_.max_keyframes_apart)
+    confirmations.pop_front();
   const Stopwatch stopwatch;
   const std::vector<const OtherMap*> maps = ChooseMaps(others, &memory);
   detection.maps = maps.size();
@@ -86,20 +92,22 @@ OverlapDetection OverlapDetector::Detect(const Map& map, KeyFrameId current, con
 
   const std::vector<DetectedOverlap> verified = Verify(map, current, candidates, ensure, &memory, &detection, times);
   if (verified.empty()) return detection;
-  const auto best = std::max_element(verified.begin(), verified.end(), [](const DetectedOverlap& a, const DetectedOverlap& b) {
-    return a.place.group_inliers < b.place.group_inliers;
-  });
+  const auto best = std::max_element(
+      verified.begin(), verified.end(),
+      [](const DetectedOverlap& a, const DetectedOverlap& b) { return a.place.group_inliers < b.place.group_inliers; });
   for (const DetectedOverlap& other : verified) {
     if (other.other != best->other || SayTheSame(map, *best, other)) continue;
-    detection.refusals.push_back({map.id(), best->other, current, best->matched,
-                                  fmt::format("ambiguous: {} looks the same and lies elsewhere", ToString(other.matched))});
+    detection.refusals.push_back(
+        {map.id(), best->other, current, best->matched,
+         fmt::format("ambiguous: {} looks the same and lies elsewhere", ToString(other.matched))});
     return detection;
   }
   Confirm(map, *best, &memory, &detection);
   return detection;
 }
 
-/// The first map always; of the others those with mutual activity come first too, and the rest take turns when they are too many.
+/// The first map always; of the others those with mutual activity come first too, and the rest take turns when they are
+/// too many.
 std::vector<const OtherMap*> OverlapDetector::ChooseMaps(const std::vector<OtherMap>& others, Memory* memory) const {
   std::vector<const OtherMap*> chosen;
   size_t keyframes = 0;
@@ -115,19 +123,24 @@ std::vector<const OtherMap*> OverlapDetector::ChooseMaps(const std::vector<Other
   const size_t rest = others.size() - next;
   size_t taken = 0;
   while (taken < rest && take(others[next + (memory->turn + taken) % rest])) ++taken;
-  if (rest == 0) memory->turn = 0;
-  else if (memory->round % kTurn == 0) memory->turn = (memory->turn + taken) % rest;
+  if (rest == 0)
+    memory->turn = 0;
+  else if (memory->round % kTurn == 0)
+    memory->turn = (memory->turn + taken) % rest;
   return chosen;
 }
 
 std::vector<KeyFrameId> OverlapDetector::GroupOf(const Map& map, KeyFrameId keyframe) const {
   std::vector<KeyFrameId> group{keyframe};
-  for (const auto& [id, common] : map.CovisibleKeyFrames(keyframe, 1, options_.candidates.neighbours)) group.push_back(id);
+  for (const auto& [id, common] : map.CovisibleKeyFrames(keyframe, 1, options_.candidates.neighbours))
+    group.push_back(id);
   return group;
 }
 
-/// Candidates of all maps that belong to those of the keyframes before: each map's best first, those refused with the last keyframe behind.
-std::vector<OverlapDetector::Found> OverlapDetector::FindConsistent(const BowVector& bow, const std::vector<const OtherMap*>& maps,
+/// Candidates of all maps that belong to those of the keyframes before: each map's best first, those refused with the
+/// last keyframe behind.
+std::vector<OverlapDetector::Found> OverlapDetector::FindConsistent(const BowVector& bow,
+                                                                    const std::vector<const OtherMap*>& maps,
                                                                     Memory* memory, OverlapDetection* detection) const {
   struct Ranked {
     Found found;
@@ -136,7 +149,8 @@ std::vector<OverlapDetector::Found> OverlapDetector::FindConsistent(const BowVec
   std::vector<Ranked> ranked;
   std::unordered_set<KeyFrameId> round;
   CandidateOptions options = options_.candidates;
-  options.most_scored = std::min(options.most_scored, std::max(kMinScoredOfMap, kMaxScored / std::max<size_t>(maps.size(), 1)));
+  options.most_scored =
+      std::min(options.most_scored, std::max(kMinScoredOfMap, kMaxScored / std::max<size_t>(maps.size(), 1)));
   const auto shared = QueryMaps(MostTelling(bow, kMaxWords / std::max<size_t>(maps.size(), 1)), maps);
   for (size_t m = 0; m < maps.size(); ++m) {
     const std::vector<Candidate> candidates = FindCandidates(shared[m], *maps[m]->map, options, nullptr);
@@ -154,7 +168,8 @@ std::vector<OverlapDetector::Found> OverlapDetector::FindConsistent(const BowVec
   memory->rounds.push_back(std::move(round));
   while (static_cast<int>(memory->rounds.size()) > options_.consistent_rounds) memory->rounds.pop_front();
   std::stable_sort(ranked.begin(), ranked.end(), [](const Ranked& a, const Ranked& b) {
-    return std::make_tuple(a.found.refused_before, a.place_in_map, a.map) < std::make_tuple(b.found.refused_before, b.place_in_map, b.map);
+    return std::make_tuple(a.found.refused_before, a.place_in_map, a.map) <
+           std::make_tuple(b.found.refused_before, b.place_in_map, b.map);
   });
   std::vector<Found> consistent;
   for (Ranked& r : ranked) consistent.push_back(std::move(r.found));
@@ -162,17 +177,19 @@ std::vector<OverlapDetector::Found> OverlapDetector::FindConsistent(const BowVec
   return consistent;
 }
 
-bool OverlapDetector::EnsureBoth(const Map& map, KeyFrameId current, const Found& found, const EnsureAppearance& ensure) const {
+bool OverlapDetector::EnsureBoth(const Map& map, KeyFrameId current, const Found& found,
+                                 const EnsureAppearance& ensure) const {
   if (!ensure) return true;
   const Sim3VerificationOptions& verification = options_.verification;
   return ensure(map, KeyFramesRead(map, current, verification.neighbourhood, verification.consistency_keyframes + 1)) &&
-         ensure(*found.other->map,
-                KeyFramesRead(*found.other->map, found.candidate.keyframe, verification.neighbourhood, verification.word_keyframes));
+         ensure(*found.other->map, KeyFramesRead(*found.other->map, found.candidate.keyframe,
+                                                 verification.neighbourhood, verification.word_keyframes));
 }
 
-std::vector<DetectedOverlap> OverlapDetector::Verify(const Map& map, KeyFrameId current, const std::vector<Found>& candidates,
-                                                     const EnsureAppearance& ensure, Memory* memory, OverlapDetection* detection,
-                                                     StageTimes* times) const {
+std::vector<DetectedOverlap> OverlapDetector::Verify(const Map& map, KeyFrameId current,
+                                                     const std::vector<Found>& candidates,
+                                                     const EnsureAppearance& ensure, Memory* memory,
+                                                     OverlapDetection* detection, StageTimes* times) const {
   std::vector<DetectedOverlap> verified;
   std::unordered_set<KeyFrameId> refused;
   for (const Found& found : candidates) {
@@ -197,11 +214,13 @@ std::vector<DetectedOverlap> OverlapDetector::Verify(const Map& map, KeyFrameId 
       continue;
     }
     DetectedOverlap overlap{map.id(), other.id(), current, matched, std::move(*place), {}};
-    overlap.other_from_map = Sim3d(other.keyframe(matched).camera_from_map).Inverse() * overlap.place.query_from_candidate.Inverse() *
+    overlap.other_from_map = Sim3d(other.keyframe(matched).camera_from_map).Inverse() *
+                             overlap.place.query_from_candidate.Inverse() *
                              Sim3d(map.keyframe(current).camera_from_map);
-    const bool is_known = std::any_of(memory->confirmations.begin(), memory->confirmations.end(), [&](const Confirmation& earlier) {
-      return earlier.overlap.other == overlap.other && SayTheSame(map, overlap, earlier.overlap);
-    });
+    const bool is_known =
+        std::any_of(memory->confirmations.begin(), memory->confirmations.end(), [&](const Confirmation& earlier) {
+          return earlier.overlap.other == overlap.other && SayTheSame(map, overlap, earlier.overlap);
+        });
     verified.push_back(std::move(overlap));
     if (is_known) break;  // what an earlier keyframe said too is not ambiguous
   }
@@ -214,7 +233,8 @@ bool OverlapDetector::SayTheSame(const Map& map, const DetectedOverlap& a, const
   return Agree(a.other_from_map, b.other_from_map, centre, map.MedianDepth(a.current), options_.agreement);
 }
 
-void OverlapDetector::Confirm(const Map& map, const DetectedOverlap& confirmed, Memory* memory, OverlapDetection* detection) const {
+void OverlapDetector::Confirm(const Map& map, const DetectedOverlap& confirmed, Memory* memory,
+                              OverlapDetection* detection) const {
   auto& confirmations = memory->confirmations;
   bool agrees = false;
   for (const Confirmation& earlier : confirmations) {
@@ -222,7 +242,8 @@ void OverlapDetector::Confirm(const Map& map, const DetectedOverlap& confirmed, 
     agrees = SayTheSame(map, confirmed, earlier.overlap);
     if (agrees) continue;
     detection->refusals.push_back({confirmed.map, confirmed.other, confirmed.current, confirmed.matched,
-                                   fmt::format("contradicts {} seen from {}", ToString(earlier.overlap.matched), ToString(earlier.overlap.current))});
+                                   fmt::format("contradicts {} seen from {}", ToString(earlier.overlap.matched),
+                                               ToString(earlier.overlap.current))});
     break;
   }
   confirmations.push_back({memory->round, confirmed});

@@ -28,10 +28,12 @@ struct OverlapOptions {
   CandidateOptions candidates;
   Sim3VerificationOptions verification;
   PlaceAgreementOptions agreement;  ///< of two keyframes that say the same
-  /// Keyframes of other maps in which a keyframe's words are looked up. Maps beyond that take turns, from keyframe to keyframe.
+  /// Keyframes of other maps in which a keyframe's words are looked up. Maps beyond that take turns, from keyframe to
+  /// keyframe.
   size_t max_looked_up = 5000;
-  int max_verified = 3;          ///< candidates of a keyframe that are verified, over all maps
-  int consistent_rounds = 3;     ///< keyframes before, among whose candidates a candidate's group must be: lookalikes come singly
+  int max_verified = 3;  ///< candidates of a keyframe that are verified, over all maps
+  /// Keyframes before, among whose candidates a candidate's group must be: lookalikes come singly.
+  int consistent_rounds = 3;
   int max_keyframes_apart = 10;  ///< of the two keyframes that agree
 
   /// Ranges of each field; the message names the field, its value and what was expected.
@@ -41,7 +43,8 @@ struct OverlapOptions {
 /// A map in which a place is looked for.
 struct OtherMap {
   const Map* map = nullptr;
-  const KeyFrameIndex* words = nullptr;  ///< of its keyframes, as its part; one index for all maps that are looked in at a time
+  /// Of its keyframes, as its part; one index for all maps that are looked in at a time.
+  const KeyFrameIndex* words = nullptr;
 
   size_t num_keyframes() const { return words->size(map->id()); }
 };
@@ -75,25 +78,27 @@ struct OverlapDetection {
   std::optional<DetectedOverlap> overlap;
 };
 
-/// Finds the places of other maps that a map's new keyframes see (paper Sec. 6, step 1). Pure and deterministic; one thread uses it.
+/// Finds the places of other maps that a map's new keyframes see (paper Sec. 6, step 1). Pure and deterministic; one
+/// thread uses it.
 ///
 ///   OverlapDetector detector(options);
-///   OverlapDetection detection = detector.Detect(map, keyframe, bow, others, ensure, &times);  // each new keyframe, in order
-///   if (detection.overlap) ...
-///   detector.Forget(map);                                                              // after a fusion
+///   OverlapDetection detection = detector.Detect(map, keyframe, bow, others, ensure, &times);  // each new keyframe,
+///   in order if (detection.overlap) ... detector.Forget(map); // after a fusion
 ///
-/// Time for a keyframe is bounded however many maps there are: its words are looked up in max_looked_up keyframes, of which at most
-/// candidates.most_scored a map are scored, and at most max_verified candidates are verified.
+/// Time for a keyframe is bounded however many maps there are: its words are looked up in max_looked_up keyframes, of
+/// which at most candidates.most_scored a map are scored, and at most max_verified candidates are verified.
 class OverlapDetector {
  public:
-  /// Sees to it that the verification can read descriptors and direct index of these keyframes of a map (in memory, or from the store).
-  /// False: not yet; the candidate is looked at with a later keyframe.
+  /// Sees to it that the verification can read descriptors and direct index of these keyframes of a map (in memory, or
+  /// from the store). False: not yet; the candidate is looked at with a later keyframe.
   using EnsureAppearance = std::function<bool(const Map& map, const std::vector<KeyFrameId>& keyframes)>;
 
   explicit OverlapDetector(const OverlapOptions& options) : options_(options) {}
 
-  /// @param current in `map`, with its landmarks. @param bow its words. @param others most mutual activity first; `map` not among them.
-  /// @param ensure may be null: everything is there. @param times "lookup_words", "lookup_verify" and the steps of VerifyPlace, ms.
+  /// @param current in `map`, with its landmarks. @param bow its words. @param others most mutual activity first; `map`
+  /// not among them.
+  /// @param ensure may be null: everything is there. @param times "lookup_words", "lookup_verify" and the steps of
+  /// VerifyPlace, ms.
   OverlapDetection Detect(const Map& map, KeyFrameId current, const BowVector& bow, const std::vector<OtherMap>& others,
                           const EnsureAppearance& ensure, StageTimes* times);
 
@@ -113,9 +118,9 @@ class OverlapDetector {
   /// Of one map's keyframes.
   struct Memory {
     int round = 0;
-    size_t turn = 0;                                     // of the maps that take turns
-    std::deque<std::unordered_set<KeyFrameId>> rounds;   // candidates of the keyframes before, with their neighbours
-    std::unordered_set<KeyFrameId> refused;              // with the last keyframe, with their neighbours
+    size_t turn = 0;                                    // of the maps that take turns
+    std::deque<std::unordered_set<KeyFrameId>> rounds;  // candidates of the keyframes before, with their neighbours
+    std::unordered_set<KeyFrameId> refused;             // with the last keyframe, with their neighbours
     std::deque<Confirmation> confirmations;
   };
 
@@ -124,8 +129,9 @@ class OverlapDetector {
                                     OverlapDetection* detection) const;
   std::vector<KeyFrameId> GroupOf(const Map& map, KeyFrameId keyframe) const;
   bool EnsureBoth(const Map& map, KeyFrameId current, const Found& found, const EnsureAppearance& ensure) const;
-  std::vector<DetectedOverlap> Verify(const Map& map, KeyFrameId current, const std::vector<Found>& candidates, const EnsureAppearance& ensure,
-                                      Memory* memory, OverlapDetection* detection, StageTimes* times) const;
+  std::vector<DetectedOverlap> Verify(const Map& map, KeyFrameId current, const std::vector<Found>& candidates,
+                                      const EnsureAppearance& ensure, Memory* memory, OverlapDetection* detection,
+                                      StageTimes* times) const;
   bool SayTheSame(const Map& map, const DetectedOverlap& a, const DetectedOverlap& b) const;
   void Confirm(const Map& map, const DetectedOverlap& confirmed, Memory* memory, OverlapDetection* detection) const;
 
@@ -134,6 +140,7 @@ class OverlapDetector {
 };
 
 /// Keyframes whose descriptors VerifyPlace reads, on the query's side and on the candidate's.
-std::vector<KeyFrameId> KeyFramesRead(const Map& map, KeyFrameId keyframe, const NeighbourhoodOptions& options, size_t most);
+std::vector<KeyFrameId> KeyFramesRead(const Map& map, KeyFrameId keyframe, const NeighbourhoodOptions& options,
+                                      size_t most);
 
 }  // namespace portolan

@@ -35,7 +35,8 @@ class Copies {
 
 class OverlapDetectorTest : public ::testing::Test {
  protected:
-  OverlapDetection Detect(OverlapDetector* detector, size_t view, const OverlapDetector::EnsureAppearance& ensure = nullptr) {
+  OverlapDetection Detect(OverlapDetector* detector, size_t view,
+                          const OverlapDetector::EnsureAppearance& ensure = nullptr) {
     return Detect(detector, view, {maps_.FirstAsOther()}, ensure);
   }
   OverlapDetection Detect(OverlapDetector* detector, size_t view, const std::vector<OtherMap>& others,
@@ -64,7 +65,8 @@ TEST_F(OverlapDetectorTest, BelievesAnOverlapThatTwoKeyFramesSee) {
   EXPECT_EQ(detection.overlap->other, maps_.first.id());
   EXPECT_EQ(detection.overlap->current, maps_.Second(view - 1));
   EXPECT_NE(maps_.first.FindKeyFrame(detection.overlap->matched), nullptr);
-  EXPECT_THAT(detection.overlap->other_from_map, Sim3Near(TwoMaps::SecondFromFirst().Inverse(), PoseTolerance{2e-3, 2e-2}, 2e-3));
+  EXPECT_THAT(detection.overlap->other_from_map,
+              Sim3Near(TwoMaps::SecondFromFirst().Inverse(), PoseTolerance{2e-3, 2e-2}, 2e-3));
   EXPECT_FALSE(times_.samples().at("lookup_words").empty());
 }
 
@@ -117,8 +119,8 @@ TEST_F(OverlapDetectorTest, RefusesALookAlike) {
   std::string reason;
   for (size_t view = 3; view < 15; ++view) {
     const KeyFrameId id = lookalike.Second(view);
-    const OverlapDetection detection =
-        detector.Detect(lookalike.second, id, lookalike.second.keyframe(id).data->bow, {lookalike.FirstAsOther()}, nullptr, &times_);
+    const OverlapDetection detection = detector.Detect(lookalike.second, id, lookalike.second.keyframe(id).data->bow,
+                                                       {lookalike.FirstAsOther()}, nullptr, &times_);
     EXPECT_FALSE(detection.confirmed) << view;
     refusals += detection.refusals.size();
     if (!detection.refusals.empty()) reason = detection.refusals.back().reason;
@@ -153,9 +155,9 @@ TEST_F(OverlapDetectorTest, MapsBeyondTheBoundTakeTurns) {
   options_.max_verified = 100;
   for (size_t lookup = 0; lookup < 32; ++lookup) {  // four turns of eight
     const size_t view = 3 + lookup % 12;
-    const OverlapDetection detection = Detect(&detector, view, others, [&](const Map& map, const std::vector<KeyFrameId>& ids) {
-      return &map == &maps_.second || count(map, ids);
-    });
+    const OverlapDetection detection = Detect(
+        &detector, view, others,
+        [&](const Map& map, const std::vector<KeyFrameId>& ids) { return &map == &maps_.second || count(map, ids); });
     EXPECT_EQ(detection.maps, 3u) << view;
     EXPECT_EQ(detection.keyframes, 60u) << view;
   }

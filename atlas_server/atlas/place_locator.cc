@@ -28,10 +28,12 @@ std::vector<Found> FindBest(const BowVector& bow, const std::vector<OtherMap>& m
   const auto shared = QueryMaps(bow, looked_in);
   std::vector<Found> found;
   for (size_t m = 0; m < looked_in.size(); ++m) {
-    for (const Candidate& candidate : FindCandidates(shared[m], *looked_in[m]->map, options.candidates, nullptr)) found.push_back({looked_in[m], candidate});
+    for (const Candidate& candidate : FindCandidates(shared[m], *looked_in[m]->map, options.candidates, nullptr))
+      found.push_back({looked_in[m], candidate});
   }
-  std::stable_sort(found.begin(), found.end(),
-                   [](const Found& a, const Found& b) { return a.candidate.accumulated_score > b.candidate.accumulated_score; });
+  std::stable_sort(found.begin(), found.end(), [](const Found& a, const Found& b) {
+    return a.candidate.accumulated_score > b.candidate.accumulated_score;
+  });
   return found;
 }
 
@@ -42,7 +44,8 @@ struct Matches {
   std::vector<double> sigmas_px;
 };
 
-Matches MatchLandmarks(const KeyFrameData& frame, const Map& map, const std::vector<KeyFrameId>& keyframes, const MatcherOptions& options) {
+Matches MatchLandmarks(const KeyFrameData& frame, const Map& map, const std::vector<KeyFrameId>& keyframes,
+                       const MatcherOptions& options) {
   Matches matches;
   std::set<MapPointId> landmarks;
   std::set<uint32_t> features;
@@ -50,8 +53,9 @@ Matches MatchLandmarks(const KeyFrameData& frame, const Map& map, const std::vec
     const KeyFrame& keyframe = map.keyframe(id);
     if (!keyframe.data->features.HasAppearance()) continue;
     const std::vector<MapPointId> ids = keyframe.landmarks.ByFeature();
-    for (const FeatureMatch& match : MatchByNodes(keyframe.data->features, keyframe.data->nodes, frame.features, frame.nodes, options,
-                                                  [&](uint32_t i) { return ids[i].IsValid(); }, nullptr)) {
+    for (const FeatureMatch& match : MatchByNodes(
+             keyframe.data->features, keyframe.data->nodes, frame.features, frame.nodes, options,
+             [&](uint32_t i) { return ids[i].IsValid(); }, nullptr)) {
       if (features.count(match.second) == 1 || !landmarks.insert(ids[match.first]).second) continue;
       features.insert(match.second);
       matches.landmarks_in_map.push_back(map.point(ids[match.first]).position_in_map.cast<double>());
@@ -62,11 +66,13 @@ Matches MatchLandmarks(const KeyFrameData& frame, const Map& map, const std::vec
   return matches;
 }
 
-Result<LocatedFrame> Verify(const KeyFrameData& frame, const Found& found, const std::vector<KeyFrameId>& keyframes, const LocatorOptions& options) {
+Result<LocatedFrame> Verify(const KeyFrameData& frame, const Found& found, const std::vector<KeyFrameId>& keyframes,
+                            const LocatorOptions& options) {
   const Map& map = *found.map->map;
   const Matches matches = MatchLandmarks(frame, map, keyframes, options.words);
   if (static_cast<int>(matches.pixels_px.size()) < options.min_matches)
-    return Error{fmt::format("{} landmarks matched by words, expected {}", matches.pixels_px.size(), options.min_matches)};
+    return Error{
+        fmt::format("{} landmarks matched by words, expected {}", matches.pixels_px.size(), options.min_matches)};
   AbsolutePoseOptions pose_options;
   pose_options.min_inliers = options.min_inliers;
   const Result<AbsolutePose> pose =
@@ -78,19 +84,23 @@ Result<LocatedFrame> Verify(const KeyFrameData& frame, const Found& found, const
 }  // namespace
 
 Result<LocatedFrame> LocateFrame(const KeyFrameData& frame, const BowVector& bow, const std::vector<OtherMap>& maps,
-                                 const OverlapDetector::EnsureAppearance& ensure, const LocatorOptions& options, StageTimes* times) {
+                                 const OverlapDetector::EnsureAppearance& ensure, const LocatorOptions& options,
+                                 StageTimes* times) {
   const Stopwatch stopwatch;
   const std::vector<Found> candidates = FindBest(bow, maps, options);
   Result<LocatedFrame> best = Error{candidates.empty() ? "no keyframe of another map shares words with it" : ""};
   int tried = 0;
   for (const Found& found : candidates) {
     if (tried == options.max_verified) break;
-    const std::vector<KeyFrameId> keyframes = KeyFramesRead(*found.map->map, found.candidate.keyframe, {}, options.word_keyframes);
+    const std::vector<KeyFrameId> keyframes =
+        KeyFramesRead(*found.map->map, found.candidate.keyframe, {}, options.word_keyframes);
     if (ensure && !ensure(*found.map->map, keyframes)) continue;
     ++tried;
     Result<LocatedFrame> located = Verify(frame, found, keyframes, options);
-    const std::string place = "keyframe " + ToString(found.candidate.keyframe) + " of map " + ToString(found.map->map->id());
-    if (!located && !best && best.error().message.empty()) best = Error{"best candidate is " + place + ": " + located.error().message};
+    const std::string place =
+        "keyframe " + ToString(found.candidate.keyframe) + " of map " + ToString(found.map->map->id());
+    if (!located && !best && best.error().message.empty())
+      best = Error{"best candidate is " + place + ": " + located.error().message};
     if (located && (!best || best->inliers < located->inliers)) best = std::move(located);
   }
   if (!best && best.error().message.empty()) best = Error{"the descriptors of the candidates are still being read"};

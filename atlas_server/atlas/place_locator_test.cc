@@ -29,7 +29,8 @@ TEST_F(PlaceLocatorTest, FindsAFrameThatHasNoMap) {
     ASSERT_TRUE(located) << view << ": " << located.error().message;
     EXPECT_EQ(located->map, maps_.first.id());
     EXPECT_GE(located->inliers, options_.min_inliers);
-    EXPECT_THAT(located->camera_from_map, RigidNear(maps_.passes.second.views[view].camera_from_world, PoseTolerance{0.02, 0.1}));
+    EXPECT_THAT(located->camera_from_map,
+                RigidNear(maps_.passes.second.views[view].camera_from_world, PoseTolerance{0.02, 0.1}));
   }
 }
 

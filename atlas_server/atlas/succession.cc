@@ -26,11 +26,16 @@ double Figure(const ProcessStatus& status, const std::string& name) {
   return 0;
 }
 
-bool IsAsFar(const HeldMap& a, const HeldMap& as) { return std::pair(a.epoch, a.revision) >= std::pair(as.epoch, as.revision); }
-bool IsAtSameState(const HeldMap& a, const HeldMap& b) { return a.epoch == b.epoch && a.revision == b.revision; }
+bool IsAsFar(const HeldMap& a, const HeldMap& as) {
+  return std::pair(a.epoch, a.revision) >= std::pair(as.epoch, as.revision);
+}
+bool IsAtSameState(const HeldMap& a, const HeldMap& b) {
+  return a.epoch == b.epoch && a.revision == b.revision;
+}
 
 Error Differs(const HeldMap& before, const HeldMap& standby) {
-  return Error{"the standby holds another map " + ToString(before.map) + ": " + ToText(standby) + " in place of " + ToText(before)};
+  return Error{"the standby holds another map " + ToString(before.map) + ": " + ToText(standby) + " in place of " +
+               ToText(before)};
 }
 
 nlohmann::json ToJson(const HeldMap& held) {
@@ -62,7 +67,8 @@ std::string DescribeSwap(const std::string& role, RobotId robot, ProcessId from,
 void Succession::OnOrder(const Request& order, double now_s) {
   Result<Swap> swap = Begin(order, now_s);
   if (!swap) return Refuse(order, swap.error().message);
-  spdlog::info("swap: {} {} is to leave its place to {}", swap->role, atlas_->Describe(swap->from), atlas_->Describe(swap->to));
+  spdlog::info("swap: {} {} is to leave its place to {}", swap->role, atlas_->Describe(swap->from),
+               atlas_->Describe(swap->to));
   if (swap->role == Atlas::kMapperRole) atlas_->SetLeaving(swap->robot, true);
   atlas_->Tell(CommandKind::kDrain, swap->robot, swap->from);
   swaps_.push_back(std::move(*swap));
@@ -74,22 +80,28 @@ Result<Succession::Swap> Succession::Begin(const Request& order, double now_s) c
   swap.order = order;
   swap.role = order.argument;
   swap.begun_s = swap.since_s = now_s;
-  if (!AppointmentOf(swap.role)) return Error{"swap of '" + swap.role + "': expected backend_mapper, loop_closer or atlas_server"};
+  if (!AppointmentOf(swap.role))
+    return Error{"swap of '" + swap.role + "': expected backend_mapper, loop_closer or atlas_server"};
   if (swap.role == Atlas::kAtlasRole) {
     swap.robot = self_.robot();
     swap.from = self_;
   } else {
     const std::set<RobotId> robots = atlas_->RobotsWith(swap.role, now_s);
     if (robots.empty()) return Error{"there is no " + swap.role};
-    if (robots.count(order.sender.robot()) == 0 && robots.size() > 1) return Error{fmt::format("{} robots have a {}: name one", robots.size(), swap.role)};
+    if (robots.count(order.sender.robot()) == 0 && robots.size() > 1)
+      return Error{fmt::format("{} robots have a {}: name one", robots.size(), swap.role)};
     swap.robot = robots.count(order.sender.robot()) == 1 ? order.sender.robot() : *robots.begin();
     swap.from = atlas_->HolderOf(swap.role, swap.robot, now_s);
-    if (!swap.from.IsValid()) return Error{fmt::format("robot {} has no {} that lives; a standby takes its place without being asked", swap.robot, swap.role)};
+    if (!swap.from.IsValid())
+      return Error{fmt::format("robot {} has no {} that lives; a standby takes its place without being asked",
+                               swap.robot, swap.role)};
   }
-  const bool is_under_way = std::any_of(swaps_.begin(), swaps_.end(), [&](const Swap& s) { return s.from == swap.from; });
+  const bool is_under_way =
+      std::any_of(swaps_.begin(), swaps_.end(), [&](const Swap& s) { return s.from == swap.from; });
   if (is_under_way || leaving_) return Error{"a swap of the " + swap.role + " is under way"};
   const std::vector<ProcessId> standbys = atlas_->StandbysOf(swap.role, swap.robot, now_s);
-  Status problem = Error{fmt::format("no standby for the {} of robot {}: start one with --standby", swap.role, swap.robot)};
+  Status problem =
+      Error{fmt::format("no standby for the {} of robot {}: start one with --standby", swap.role, swap.robot)};
   for (const ProcessId standby : standbys) {
     swap.to = standby;
     problem = CheckStandby(swap);
@@ -103,18 +115,23 @@ Status Succession::CheckStandby(const Swap& swap) const {
   const ProcessStatus* to = atlas_->StatusOf(swap.to);
   const ProcessStatus* from = swap.from == self_ ? nullptr : atlas_->StatusOf(swap.from);
   if (const double lag = Figure(*to, "lag"); lag > kMaxLag) {
-    return Error{fmt::format("the standby has not caught up: {} is {:.0f} revisions behind", atlas_->Describe(swap.to), lag)};
+    return Error{
+        fmt::format("the standby has not caught up: {} is {:.0f} revisions behind", atlas_->Describe(swap.to), lag)};
   }
   if (Figure(*to, "maps_missing") > 0) {
-    return Error{fmt::format("the standby has not caught up: {} lacks {:.0f} maps", atlas_->Describe(swap.to), Figure(*to, "maps_missing"))};
+    return Error{fmt::format("the standby has not caught up: {} lacks {:.0f} maps", atlas_->Describe(swap.to),
+                             Figure(*to, "maps_missing"))};
   }
-  if (from != nullptr && from->map.IsValid() && from->revision > 0 && (to->map != from->map || to->epoch != from->epoch)) {
-    return Error{fmt::format("the standby has not caught up: {} follows map {} in epoch {}, not map {} in epoch {}", atlas_->Describe(swap.to),
-                             ToString(to->map), to->epoch, ToString(from->map), from->epoch)};
+  if (from != nullptr && from->map.IsValid() && from->revision > 0 &&
+      (to->map != from->map || to->epoch != from->epoch)) {
+    return Error{fmt::format("the standby has not caught up: {} follows map {} in epoch {}, not map {} in epoch {}",
+                             atlas_->Describe(swap.to), ToString(to->map), to->epoch, ToString(from->map),
+                             from->epoch)};
   }
   if (swap.role != Atlas::kMapperRole) return Ok{};
   for (const Atlas::Ownership& map : atlas_->MapsOf(swap.from)) {
-    if (atlas_->IsHeld(map.map)) return Error{"map " + ToString(map.map) + " is being fused: ask again when that is done"};
+    if (atlas_->IsHeld(map.map))
+      return Error{"map " + ToString(map.map) + " is being fused: ask again when that is done"};
   }
   return Ok{};
 }
@@ -126,7 +143,9 @@ void Succession::OnReport(const Request& report, double now_s) {
     if (report.kind == "holds_map") {
       const Result<HeldMap> held = ParseHeldMap(report.map, report.argument);
       if (!held) return spdlog::warn("of {}: {}", ToString(report.sender), held.error().message);
-      HeldMaps& maps = report.sender == swap->from ? swap->before : swap->stage == Stage::kDraining ? swap->waiting : swap->after;
+      HeldMaps& maps = report.sender == swap->from       ? swap->before
+                       : swap->stage == Stage::kDraining ? swap->waiting
+                                                         : swap->after;
       maps[report.map] = *held;
     }
     if (Continue(&*swap, now_s)) swaps_.erase(swap);
@@ -135,7 +154,8 @@ void Succession::OnReport(const Request& report, double now_s) {
 }
 
 void Succession::OnTick(double now_s) {
-  for (auto swap = swaps_.begin(); swap != swaps_.end();) swap = Continue(&*swap, now_s) ? swaps_.erase(swap) : std::next(swap);
+  for (auto swap = swaps_.begin(); swap != swaps_.end();)
+    swap = Continue(&*swap, now_s) ? swaps_.erase(swap) : std::next(swap);
   FillPlaces(now_s);
 }
 
@@ -150,7 +170,8 @@ bool Succession::Continue(Swap* swap, double now_s) {
     return true;
   }
   if (now_s - swap->since_s < kTakeOverS && atlas_->IsAlive(swap->to, now_s)) return false;
-  Refuse(swap->order, "the place passed on to " + atlas_->Describe(swap->to) + ", which has not said since that it holds the maps");
+  Refuse(swap->order,
+         "the place passed on to " + atlas_->Describe(swap->to) + ", which has not said since that it holds the maps");
   return true;
 }
 
@@ -160,7 +181,8 @@ bool Succession::ContinueDraining(Swap* swap, double now_s) {
     Refuse(swap->order, atlas_->Describe(swap->from) + " died while it drained; a standby takes its place");
     return true;
   }
-  const Result<bool> enough = atlas_->IsAlive(swap->to, now_s) ? HoldsEnough(swap) : Result<bool>(Error{"the standby died"});
+  const Result<bool> enough =
+      atlas_->IsAlive(swap->to, now_s) ? HoldsEnough(swap) : Result<bool>(Error{"the standby died"});
   if (!enough || (!*enough && now_s - swap->since_s > kDrainS)) {
     const bool is_drained = swap->is_drained || swap->from == self_;
     const std::string who = is_drained ? "the standby " + atlas_->Describe(swap->to) + " did not catch up"
@@ -201,7 +223,8 @@ Result<bool> Succession::HoldsMapsOfMapper(const Swap& swap) const {
   return true;
 }
 
-/// Once it held a map as it was here at that moment, it misses nothing that comes after. Dormant maps are in the file, if that is one.
+/// Once it held a map as it was here at that moment, it misses nothing that comes after. Dormant maps are in the file,
+/// if that is one.
 Result<bool> Succession::HoldsMapsOfAtlas(Swap* swap) const {
   const ProcessStatus* to = atlas_->StatusOf(swap->to);
   const bool has_same_file = to != nullptr && Figure(*to, "waits_for_store") > 0;
@@ -246,7 +269,9 @@ void Succession::Leave(double now_s) {
   Finish(swap, now_s);
 }
 
-void Succession::Stay(const std::string& reason) { CallOff(*std::exchange(leaving_, std::nullopt), reason); }
+void Succession::Stay(const std::string& reason) {
+  CallOff(*std::exchange(leaving_, std::nullopt), reason);
+}
 
 void Succession::Finish(const Swap& swap, double now_s) {
   ++swaps_done_;

@@ -12,30 +12,31 @@
 
 namespace portolan {
 
-/// Has a process leave its place to one that stands by, so that nothing is lost: the order "swap". And fills the place of a
-/// loop_closer that has died (that of a mapper: Atlas; that of an atlas_server: whoever stands by behind it). Pure: it speaks
-/// through `atlas`, which must outlive it.
+/// Has a process leave its place to one that stands by, so that nothing is lost: the order "swap". And fills the place
+/// of a loop_closer that has died (that of a mapper: Atlas; that of an atlas_server: whoever stands by behind it).
+/// Pure: it speaks through `atlas`, which must outlive it.
 ///
-/// A mapper is told to drain; it and the standby tell what they hold of each of its maps ("holds_map"). When it has drained
-/// and the standby holds the same, by revision and hash, all its maps pass on in their next epochs, and it leaves. The order
-/// is answered when the new mapper has told what it holds as their owner. A loop_closer owns nothing: it ends the loop that
-/// it is closing, and the standby must have come as far as it had. An atlas_server, this one, hands over when the standby
-/// holds all its maps, or, where both have one file, those that may not be in it yet.
+/// A mapper is told to drain; it and the standby tell what they hold of each of its maps ("holds_map"). When it has
+/// drained and the standby holds the same, by revision and hash, all its maps pass on in their next epochs, and it
+/// leaves. The order is answered when the new mapper has told what it holds as their owner. A loop_closer owns nothing:
+/// it ends the loop that it is closing, and the standby must have come as far as it had. An atlas_server, this one,
+/// hands over when the standby holds all its maps, or, where both have one file, those that may not be in it yet.
 /// Whatever does not come about within its time leaves all as it was, and the order is answered with the reason.
 class Succession {
  public:
   /// What this process holds of a map itself; none: nothing.
   using Measure = std::function<std::optional<HeldMap>(MapId)>;
 
-  Succession(ProcessId self, Atlas* atlas, Measure measure) : self_(self), atlas_(atlas), measure_(std::move(measure)) {}
+  Succession(ProcessId self, Atlas* atlas, Measure measure)
+      : self_(self), atlas_(atlas), measure_(std::move(measure)) {}
 
   void OnOrder(const Request& order, double now_s);
   /// "holds_map" and "drained": what a process says in a swap. Not answered.
   void OnReport(const Request& report, double now_s);
   void OnTick(double now_s);
 
-  /// An order to leave, once the standby may have the place: it is to be told (Leave) when all is stored, or it is not to
-  /// be (Stay).
+  /// An order to leave, once the standby may have the place: it is to be told (Leave) when all is stored, or it is not
+  /// to be (Stay).
   bool MayLeave() const { return leaving_.has_value(); }
   void Leave(double now_s);
   void Stay(const std::string& reason);
@@ -44,7 +45,8 @@ class Succession {
   /// Of loop_closers that died.
   uint64_t num_promotions() const { return promotions_; }
 
-  /// For an optimisation that is under way, the keyframes before it and a few more deltas: a standby is behind by so much always.
+  /// For an optimisation that is under way, the keyframes before it and a few more deltas: a standby is behind by so
+  /// much always.
   static constexpr double kMaxLag = 20;
   /// Until the one has drained, and the other has come as far.
   static constexpr double kDrainS = 10;
@@ -90,8 +92,8 @@ class Succession {
   uint64_t swaps_done_ = 0, promotions_ = 0;
 };
 
-/// The answer to a swap, as a text for programs: {"role", "robot", "from", "to", "seconds", "maps": [{"map", "before": {"keyframes",
-/// "points", "revision", "epoch", "hash"}, "after": {...}, "same"}]}.
+/// The answer to a swap, as a text for programs: {"role", "robot", "from", "to", "seconds", "maps": [{"map", "before":
+/// {"keyframes", "points", "revision", "epoch", "hash"}, "after": {...}, "same"}]}.
 std::string DescribeSwap(const std::string& role, RobotId robot, ProcessId from, ProcessId to, double seconds,
                          const std::map<MapId, HeldMap>& before, const std::map<MapId, HeldMap>& after);
 

@@ -9,8 +9,8 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
-const ProcessId kServer(0, 1, 1), kTracker(3, 10, 1), kMapperA(3, 20, 1), kMapperB(3, 30, 1), kLoopA(3, 40, 1), kLoopB(3, 50, 1),
-    kServerB(0, 60, 1), kTool(3, 70, 1);
+const ProcessId kServer(0, 1, 1), kTracker(3, 10, 1), kMapperA(3, 20, 1), kMapperB(3, 30, 1), kLoopA(3, 40, 1),
+    kLoopB(3, 50, 1), kServerB(0, 60, 1), kTool(3, 70, 1);
 const MapId kMap(3, 10, 1), kNextMap(3, 10, 2);
 
 /// An atlas with robot 3 in a map, a clock, and processes that tell that they live whenever the time goes on.
@@ -47,7 +47,9 @@ class SuccessionTest : public ::testing::Test {
     status.figures = {{"lag", lag}};
     atlas_.OnStatus(status, now_);
   }
-  void StandBy(ProcessId process, const std::string& role, double lag = 0) { Live(process, role, kStandbyState, kMap, lag); }
+  void StandBy(ProcessId process, const std::string& role, double lag = 0) {
+    Live(process, role, kStandbyState, kMap, lag);
+  }
   void Die(ProcessId process) { living_.erase(process); }
 
   RequestId Report(ProcessId sender, const std::string& kind, MapId map = MapId(), const std::string& argument = "") {

@@ -18,8 +18,12 @@ inline KeyFrameIndex IndexOf(const Map& map) {
 
 /// The first pass as one map, the second as another with its own frame and scale.
 struct TwoMaps {
-  explicit TwoMaps(const SyntheticSceneOptions& options = PlaceSceneOptions(), const Appearance& second_appearance = nullptr)
-      : passes(MakeTwoPasses(options, second_appearance)), first(BuildMap(passes.first)), second(MakeSecond()), words(IndexOf(first)) {
+  explicit TwoMaps(const SyntheticSceneOptions& options = PlaceSceneOptions(),
+                   const Appearance& second_appearance = nullptr)
+      : passes(MakeTwoPasses(options, second_appearance)),
+        first(BuildMap(passes.first)),
+        second(MakeSecond()),
+        words(IndexOf(first)) {
     first.TakeDelta();
     second.TakeDelta();
   }

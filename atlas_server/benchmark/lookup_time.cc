@@ -1,5 +1,5 @@
-// portolan_lookup_time: how long the atlas_server takes to look a keyframe up in many dormant maps, made by the synthetic
-// builder: streets with houses, whose keyframes lie in a store as those of dormant maps do.
+// portolan_lookup_time: how long the atlas_server takes to look a keyframe up in many dormant maps, made by the
+// synthetic builder: streets with houses, whose keyframes lie in a store as those of dormant maps do.
 
 #include <fmt/format.h>
 
@@ -8,6 +8,7 @@
 
 #include "atlas/map_shelf.h"
 #include "atlas/map_store.h"
+#include "base/command_line.h"
 #include "base/time.h"
 #include "benchmark/street.h"
 #include "testing/map_builder.h"
@@ -24,14 +25,20 @@ struct Arguments {
 class Benchmark {
  public:
   Benchmark(const Arguments& arguments, std::shared_ptr<const Vocabulary> vocabulary, MapStore* store)
-      : arguments_(arguments), store_(*store), shelf_(Options(arguments), std::move(vocabulary), [store](KeyFrameId id) { return store->LoadKeyFrame(id); }) {}
+      : arguments_(arguments),
+        store_(*store),
+        shelf_(Options(arguments), std::move(vocabulary), [store](KeyFrameId id) { return store->LoadKeyFrame(id); }) {}
 
   Status Run() {
     for (int number = 0; number < arguments_.maps; ++number) {
       const auto session = static_cast<uint32_t>(number + 1);
-      if (Status added = Add(MakeStreet(number, arguments_.keyframes, arguments_.keyframes, session), MapId(0, 1, session), true); !added) return added;
+      if (Status added =
+              Add(MakeStreet(number, arguments_.keyframes, arguments_.keyframes, session), MapId(0, 1, session), true);
+          !added)
+        return added;
     }
-    fmt::print("{} maps, {} keyframes indexed, {:.0f} MB of descriptors in memory\n", arguments_.maps, shelf_.indexed_keyframes(), shelf_.appearance_mb());
+    fmt::print("{} maps, {} keyframes indexed, {:.0f} MB of descriptors in memory\n", arguments_.maps,
+               shelf_.indexed_keyframes(), shelf_.appearance_mb());
     // A place that no map has, and one that is in the first map.
     Query("elsewhere", MakeStreet(1000, arguments_.keyframes, arguments_.queries, 1000), MapId(0, 1, 1000));
     Query("revisit", MakeStreet(0, arguments_.keyframes, arguments_.queries, 1001), MapId(0, 1, 1001));
@@ -69,7 +76,8 @@ class Benchmark {
   void Query(const char* name, const SyntheticScene& scene, MapId id) {
     if (!Add(scene, id, false)) return;
     std::vector<MapId> order;
-    for (int number = 0; number < arguments_.maps; ++number) order.emplace_back(0, 1, static_cast<uint32_t>(arguments_.maps - number));
+    for (int number = 0; number < arguments_.maps; ++number)
+      order.emplace_back(0, 1, static_cast<uint32_t>(arguments_.maps - number));
     OverlapDetector detector{OverlapOptions()};
     StageTimes times;
     int confirmed = 0, overlaps = 0, verified = 0;
@@ -78,18 +86,20 @@ class Benchmark {
     for (const auto& [keyframe, state] : map.keyframes()) {
       const Stopwatch stopwatch;
       shelf_.BeginEvent();
-      const OverlapDetection detection = detector.Detect(map, keyframe, *shelf_.FindWords(keyframe), shelf_.Others(order), shelf_.Ensurer(), &times);
+      const OverlapDetection detection =
+          detector.Detect(map, keyframe, *shelf_.FindWords(keyframe), shelf_.Others(order), shelf_.Ensurer(), &times);
       times.Add("lookup", stopwatch.Milliseconds());
       shelf_.Trim();
       confirmed += detection.confirmed ? 1 : 0;
       overlaps += detection.overlap ? 1 : 0;
       verified += detection.verified;
     }
-    fmt::print("{}: {} keyframes, {} candidates verified, {} confirmed, {} overlaps, {} keyframes read from the store\n", name, map.keyframes().size(),
-               verified, confirmed, overlaps, shelf_.loads() - loads);
+    fmt::print(
+        "{}: {} keyframes, {} candidates verified, {} confirmed, {} overlaps, {} keyframes read from the store\n", name,
+        map.keyframes().size(), verified, confirmed, overlaps, shelf_.loads() - loads);
     for (const auto& [stage, samples] : times.samples()) {
-      fmt::print("  {:18} {:5} x median {:6.2f} p95 {:6.2f} max {:6.2f} ms\n", stage, samples.size(), Quantile(samples, 0.5), Quantile(samples, 0.95),
-                 Quantile(samples, 1));
+      fmt::print("  {:18} {:5} x median {:6.2f} p95 {:6.2f} max {:6.2f} ms\n", stage, samples.size(),
+                 Quantile(samples, 0.5), Quantile(samples, 0.95), Quantile(samples, 1));
     }
     shelf_.Remove(id);
   }
@@ -123,8 +133,9 @@ int main(int argc, char** argv) {
   app.add_option("--keyframes", arguments.keyframes, "of each")->capture_default_str();
   app.add_option("--queries", arguments.queries, "keyframes looked up, of each kind")->capture_default_str();
   app.add_option("--memory-mb", arguments.memory_mb, "for descriptors (atlas.memory_mb)")->capture_default_str();
-  app.add_option("--folder", arguments.folder, "for the store, some 100 kB a keyframe; removed at the end")->capture_default_str();
-  CLI11_PARSE(app, argc, argv);
+  app.add_option("--folder", arguments.folder, "for the store, some 100 kB a keyframe; removed at the end")
+      ->capture_default_str();
+  if (const auto code = portolan::ParseCommandLine(&app, argc, argv)) return *code;
   const portolan::Status status = portolan::Run(arguments);
   if (!status) fmt::print(stderr, "portolan_lookup_time: {}\n", status.error().message);
   return status.ok() ? 0 : 1;

@@ -1,5 +1,6 @@
-// portolan_open_time: how long the atlas_server takes from its start to a frame that is located in an atlas of many keyframes. The file is made
-// by the synthetic builder, in a process of its own, and dropped from the cache of the system before it is opened.
+// portolan_open_time: how long the atlas_server takes from its start to a frame that is located in an atlas of many
+// keyframes. The file is made by the synthetic builder, in a process of its own, and dropped from the cache of the
+// system before it is opened.
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -13,6 +14,7 @@
 #include "atlas/map_shelf.h"
 #include "atlas/map_store.h"
 #include "atlas/place_locator.h"
+#include "base/command_line.h"
 #include "base/time.h"
 #include "benchmark/street.h"
 #include "testing/map_builder.h"
@@ -27,13 +29,16 @@ struct Arguments {
   std::string folder = "/tmp";
 };
 
-MapId IdOf(int number) { return MapId(0, 1, static_cast<uint32_t>(number + 1)); }
+MapId IdOf(int number) {
+  return MapId(0, 1, static_cast<uint32_t>(number + 1));
+}
 
 Status MakeFile(const Arguments& arguments, const std::string& path) {
   auto store = MapStore::Open(path);
   if (!store) return store.error();
   for (int number = 0; number < arguments.maps; ++number) {
-    const SyntheticScene scene = MakeStreet(number, arguments.keyframes, arguments.keyframes, static_cast<uint32_t>(number + 1));
+    const SyntheticScene scene =
+        MakeStreet(number, arguments.keyframes, arguments.keyframes, static_cast<uint32_t>(number + 1));
     MapBuilderOptions options;
     options.map = IdOf(number);
     Map map = BuildMap(scene, options);
@@ -56,7 +61,8 @@ Status MakeFileElsewhere(const Arguments& arguments, const std::string& path) {
     std::_Exit(made.ok() ? EXIT_SUCCESS : EXIT_FAILURE);
   }
   int status = 0;
-  if (waitpid(child, &status, 0) != child || !WIFEXITED(status) || WEXITSTATUS(status) != EXIT_SUCCESS) return Error{"the file could not be made"};
+  if (waitpid(child, &status, 0) != child || !WIFEXITED(status) || WEXITSTATUS(status) != EXIT_SUCCESS)
+    return Error{"the file could not be made"};
   return Ok{};
 }
 
@@ -85,7 +91,8 @@ class Start {
     Result<MapStore::Content> content = store_->Load();
     if (!content) return content.error();
     Note("read and decoded");
-    shelf_ = std::make_unique<MapShelf>(ShelfOptions(), std::move(*vocabulary), [this](KeyFrameId id) { return store_->LoadKeyFrame(id); });
+    shelf_ = std::make_unique<MapShelf>(ShelfOptions(), std::move(*vocabulary),
+                                        [this](KeyFrameId id) { return store_->LoadKeyFrame(id); });
     for (StoredMap& map : content->maps) {
       order_.push_back(map.snapshot.map);
       shelf_->TakeIn(std::move(map), true, nullptr);
@@ -102,7 +109,8 @@ class Start {
     BowVector bow;
     const auto complete = shelf_->Complete(frame, &bow);
     shelf_->BeginEvent();
-    Result<LocatedFrame> located = LocateFrame(*complete, bow, shelf_->Others(order_), shelf_->Ensurer(), LocatorOptions(), &times_);
+    Result<LocatedFrame> located =
+        LocateFrame(*complete, bow, shelf_->Others(order_), shelf_->Ensurer(), LocatorOptions(), &times_);
     shelf_->Trim();
     return located;
   }
@@ -138,10 +146,11 @@ Status Measure(const Arguments& arguments, const std::string& path) {
     times.push_back(stopwatch.Milliseconds());
     if (!is_first) continue;
     start.Note("first frame looked for");
-    fmt::print("{} keyframes: {} after {:.0f} ms, at most {:.0f} for 1000\n", start.keyframes(), located == 1 ? "located" : "not located",
-               start.Milliseconds(), kToMeetMs);
+    fmt::print("{} keyframes: {} after {:.0f} ms, at most {:.0f} for 1000\n", start.keyframes(),
+               located == 1 ? "located" : "not located", start.Milliseconds(), kToMeetMs);
   }
-  fmt::print("{} of {} frames located, a frame median {:.1f} max {:.1f} ms\n", located, times.size(), Quantile(times, 0.5), Quantile(times, 1));
+  fmt::print("{} of {} frames located, a frame median {:.1f} max {:.1f} ms\n", located, times.size(),
+             Quantile(times, 0.5), Quantile(times, 1));
   return Ok{};
 }
 
@@ -162,8 +171,9 @@ int main(int argc, char** argv) {
   app.add_option("--maps", arguments.maps, "of the atlas")->check(CLI::Range(1, 1000))->capture_default_str();
   app.add_option("--keyframes", arguments.keyframes, "of each")->check(CLI::Range(20, 100000))->capture_default_str();
   app.add_option("--frames", arguments.frames, "looked for")->check(CLI::Range(1, 100000))->capture_default_str();
-  app.add_option("--folder", arguments.folder, "for the file, some 100 kB a keyframe; removed at the end")->capture_default_str();
-  CLI11_PARSE(app, argc, argv);
+  app.add_option("--folder", arguments.folder, "for the file, some 100 kB a keyframe; removed at the end")
+      ->capture_default_str();
+  if (const auto code = portolan::ParseCommandLine(&app, argc, argv)) return *code;
   const portolan::Status status = portolan::Run(arguments);
   if (!status) fmt::print(stderr, "portolan_open_time: {}\n", status.error().message);
   return status.ok() ? 0 : 1;

@@ -6,8 +6,10 @@
 
 namespace portolan {
 
-/// A lap in a street of its own, or another one in the same: houses, and some 2000 features an image, as real ones have.
-/// @param number of the street. @param size in views of a lap that is driven for the first time. @param views of this lap.
+/// A lap in a street of its own, or another one in the same: houses, and some 2000 features an image, as real ones
+/// have.
+/// @param number of the street. @param size in views of a lap that is driven for the first time. @param views of this
+/// lap.
 inline SyntheticScene MakeStreet(int number, int size, int views, uint32_t session) {
   SyntheticSceneOptions options;
   options.landmarks = LandmarkLayout::kStreet;

@@ -1,5 +1,5 @@
-// Overlaps in the atlas_server: which keyframes are looked up when, what lost trackers ask, and fusions, from the search to
-// the maps that are no more.
+// Overlaps in the atlas_server: which keyframes are looked up when, what lost trackers ask, and fusions, from the
+// search to the maps that are no more.
 
 #include <fmt/format.h>
 
@@ -15,10 +15,10 @@
 namespace portolan {
 namespace {
 
-constexpr size_t kMaxRefusals = 500;      // kept for the report
-constexpr double kQueryPatienceS = 1.0;   // for the frame that a "locate" request names: it may have been overtaken
-constexpr size_t kFusionKeyFrames = 40;   // of the map that goes, that are looked up for an ordered fusion
-constexpr size_t kFusionCandidates = 2;   // of each
+constexpr size_t kMaxRefusals = 500;     // kept for the report
+constexpr double kQueryPatienceS = 1.0;  // for the frame that a "locate" request names: it may have been overtaken
+constexpr size_t kFusionKeyFrames = 40;  // of the map that goes, that are looked up for an ordered fusion
+constexpr size_t kFusionCandidates = 2;  // of each
 
 /// Where points of both maps, which are the same, lie to each other.
 Result<Sim3d> AlignSharedPoints(const Map& map, const Map& other) {
@@ -46,7 +46,8 @@ void AtlasProcess::QueueKeyFrame(const MapperState& state) {
   if (!state.last_keyframe.IsValid()) return;
   FollowerState& follower = followers_[state.last_keyframe.robot()];
   if (state.last_keyframe == last) {
-    if (follower.last_keyframe == last && state.map.IsValid()) follower.map = state.map;  // nothing new of the map it has come to
+    // Nothing new of the map it has come to.
+    if (follower.last_keyframe == last && state.map.IsValid()) follower.map = state.map;
     return;
   }
   last = state.last_keyframe;
@@ -62,7 +63,8 @@ void AtlasProcess::QueueKeyFrame(const MapperState& state) {
   ++lookups_.passed_over;
 }
 
-/// Looks up one keyframe whose map is here as far as the mapper had it. @return whether more wait that could be looked up.
+/// Looks up one keyframe whose map is here as far as the mapper had it. @return whether more wait that could be looked
+/// up.
 bool AtlasProcess::LookUpNext() {
   const auto is_here = [this](const Waiting& w) {
     const Map* map = shelf_.FindMap(w.map);
@@ -78,7 +80,8 @@ bool AtlasProcess::LookUpNext() {
   joiner_.OnKeyFrame(waiting.map);
   const Map* map = shelf_.FindMap(waiting.map);
   const auto words = shelf_.FindWords(waiting.keyframe);
-  if (map != nullptr && words != nullptr && map->FindKeyFrame(waiting.keyframe) != nullptr) LookUp(waiting, *map, *words);
+  if (map != nullptr && words != nullptr && map->FindKeyFrame(waiting.keyframe) != nullptr)
+    LookUp(waiting, *map, *words);
   return std::any_of(waiting_.begin(), waiting_.end(), is_here);
 }
 
@@ -110,8 +113,8 @@ void AtlasProcess::LookUp(const Waiting& next, const Map& map, const BowVector& 
   }
   if (detection.confirmed) {
     const DetectedOverlap& found = *detection.confirmed;
-    spdlog::info("overlap: {} of map {} sees the place of {} of map {} ({} landmarks){}", ToString(found.current), ToString(found.map),
-                 ToString(found.matched), ToString(found.other), found.place.group_inliers,
+    spdlog::info("overlap: {} of map {} sees the place of {} of map {} ({} landmarks){}", ToString(found.current),
+                 ToString(found.map), ToString(found.matched), ToString(found.other), found.place.group_inliers,
                  detection.overlap ? "" : "; waits for another keyframe to say the same");
   }
   if (detection.overlap) joiner_.OnOverlap(robot, *detection.overlap, Now());
@@ -157,8 +160,9 @@ void AtlasProcess::AnswerEndedOrders() {
     }
     Reply reply;
     reply.ok = true;
-    reply.text = record.kind == JoinRecord::Kind::kSwitch ? fmt::format("robot {} is in map {}", record.robot, ToString(record.map))
-                                                          : fmt::format("map {} is part of map {}", ToString(record.other), ToString(record.map));
+    reply.text = record.kind == JoinRecord::Kind::kSwitch
+                     ? fmt::format("robot {} is in map {}", record.robot, ToString(record.map))
+                     : fmt::format("map {} is part of map {}", ToString(record.other), ToString(record.map));
     atlas_.Answer(order, std::move(reply));
   }
 }
@@ -179,8 +183,9 @@ void AtlasProcess::ContinueSearches() {
 std::optional<Reply> AtlasProcess::ContinueSearch(Search* search) {
   shelf_.BeginEvent();
   if (search->request.kind == "fuse") return LookForFusion(search);
-  const auto query = std::find_if(queries_.rbegin(), queries_.rend(),
-                                  [&](const KeyFrameData& data) { return ToString(data.id) == search->request.argument; });
+  const auto query = std::find_if(queries_.rbegin(), queries_.rend(), [&](const KeyFrameData& data) {
+    return ToString(data.id) == search->request.argument;
+  });
   if (query != queries_.rend()) return Locate(search->request, *query);
   if (Now() - search->since_s < kQueryPatienceS) return std::nullopt;
   Reply reply;
@@ -194,7 +199,8 @@ Reply AtlasProcess::Locate(const Request& request, const KeyFrameData& frame) {
   const auto complete = shelf_.Complete(frame, &bow);
   const MapId in = atlas_.MapOf(request.sender);
   std::vector<MapId> order = atlas_.graph().ByActivity(in);
-  const Result<LocatedFrame> located = LocateFrame(*complete, bow, shelf_.Others(order), shelf_.Ensurer(), options_.locator, &times_);
+  const Result<LocatedFrame> located =
+      LocateFrame(*complete, bow, shelf_.Others(order), shelf_.Ensurer(), options_.locator, &times_);
   shelf_.Trim();
   times_.Add("lookup_query", stopwatch.Milliseconds());
   Reply reply;
@@ -205,8 +211,8 @@ Reply AtlasProcess::Locate(const Request& request, const KeyFrameData& frame) {
     return reply;
   }
   ++lookups_.located;
-  spdlog::info("robot {} is located: frame {} sees what {} of map {} sees ({} inliers)", request.sender.robot(), frame.frame,
-               ToString(located->keyframe), ToString(located->map), located->inliers);
+  spdlog::info("robot {} is located: frame {} sees what {} of map {} sees ({} inliers)", request.sender.robot(),
+               frame.frame, ToString(located->keyframe), ToString(located->map), located->inliers);
   reply.text = ToString(located->map);
   atlas_.Activate(request.sender.robot(), located->map, MapId(), Sim3d());
   return reply;
@@ -220,11 +226,13 @@ std::optional<Reply> AtlasProcess::LookForFusion(Search* search) {
   const Map* other = shelf_.FindMap(other_id);
   const std::vector<OtherMap> in = shelf_.Others({map_id});
   if (map == nullptr || other == nullptr || map == other || in.empty()) {
-    reply.reason = "fuse needs two maps with keyframes, got " + ToString(search->request.map) + " and " + ToString(search->request.other);
+    reply.reason = "fuse needs two maps with keyframes, got " + ToString(search->request.map) + " and " +
+                   ToString(search->request.other);
     return reply;
   }
   if (search->keyframes.empty()) {
-    reply.reason = "no overlap of the two maps found" + (search->reason.empty() ? "" : "; of the last keyframe looked at: " + search->reason);
+    reply.reason = "no overlap of the two maps found" +
+                   (search->reason.empty() ? "" : "; of the last keyframe looked at: " + search->reason);
     return reply;
   }
   const KeyFrameId current = search->keyframes.front();
@@ -239,7 +247,8 @@ std::optional<Reply> AtlasProcess::LookForFusion(Search* search) {
   shelf_.Trim();
   if (!detection.refusals.empty()) search->reason = detection.refusals.front().reason;
   if (!detection.confirmed) return std::nullopt;
-  if (const Status begun = joiner_.OrderFusion(search->request, *detection.confirmed, Now()); !begun) return Refusal(begun.error());
+  if (const Status begun = joiner_.OrderFusion(search->request, *detection.confirmed, Now()); !begun)
+    return Refusal(begun.error());
   search->is_handed_over = true;
   return std::nullopt;
 }
@@ -258,9 +267,11 @@ void AtlasProcess::StartFusion() {
     fusion_ = joiner_.NextFusion(
         [this](MapId id) {
           const Map* map = shelf_.FindMap(id);
-          return map != nullptr && !shelf_.maps().at(id).NeedsSnapshot() ? map->epoch() : 0;  // what comes later follows its ancestors
+          // What comes later follows its ancestors.
+          return map != nullptr && !shelf_.maps().at(id).NeedsSnapshot() ? map->epoch() : 0;
         },
-        [this](MapId map, MapId other) { return CheckResiduals(*shelf_.FindMap(map), *shelf_.FindMap(other)).ok(); }, Now());
+        [this](MapId map, MapId other) { return CheckResiduals(*shelf_.FindMap(map), *shelf_.FindMap(other)).ok(); },
+        Now());
     if (!fusion_) return;
   }
   const Map* map = shelf_.FindMap(fusion_->map);
@@ -283,7 +294,8 @@ void AtlasProcess::StartFusion() {
   background_.Start([this, maps, overlap, options = options_.fusion](const std::atomic<bool>& stop) {
     // Events are copied: the result, with thousands of points, is not.
     auto times = std::make_shared<StageTimes>();
-    auto proposal = std::make_shared<Result<MapCorrection>>(ProposeFusion(maps->first, maps->second, overlap, options, &stop, times.get()));
+    auto proposal = std::make_shared<Result<MapCorrection>>(
+        ProposeFusion(maps->first, maps->second, overlap, options, &stop, times.get()));
     return [this, times, proposal] {
       for (const auto& [stage, samples] : times->samples()) {
         for (const double sample : samples) times_.Add(stage, sample);
@@ -341,11 +353,13 @@ void AtlasProcess::PublishFollowers(bool all) {
     state.epoch = map == nullptr ? 0 : map->epoch();
     state.revision = map == nullptr ? 0 : map->revision();
     const auto of_robot = robot;
-    state.is_busy = joiner_.IsFusing(state.map) || std::any_of(waiting_.begin(), waiting_.end(), [of_robot](const Waiting& w) {
-                      return w.keyframe.robot() == of_robot;
-                    });
+    state.is_busy = joiner_.IsFusing(state.map) ||
+                    std::any_of(waiting_.begin(), waiting_.end(),
+                                [of_robot](const Waiting& w) { return w.keyframe.robot() == of_robot; });
     FollowerState& published = published_[robot];
-    if (!all && state.last_keyframe == published.last_keyframe && state.is_busy == published.is_busy && state.map == published.map) continue;
+    if (!all && state.last_keyframe == published.last_keyframe && state.is_busy == published.is_busy &&
+        state.map == published.map)
+      continue;
     published = state;
     follower_writer_->Write(state);
   }

@@ -11,15 +11,15 @@ namespace portolan {
 namespace {
 
 constexpr double kStatusPeriodS = 1.0;
-constexpr double kTickPeriodS = 0.15;  // well within the liveliness lease of 500 ms
+constexpr double kTickPeriodS = 0.15;    // well within the liveliness lease of 500 ms
 constexpr int kBackgroundNiceSteps = 2;  // a robot may wait for a fusion
 constexpr size_t kMaxQueries = 16;       // of lost trackers, one a second each
 
 }  // namespace
 
 AtlasProcess::AtlasProcess(const ProcessSetup& setup, const AtlasOptions& options,
-                           std::shared_ptr<const Vocabulary> vocabulary, std::unique_ptr<MapStore> store, OpenStore open_later, Bus* bus,
-                           const std::string& priority, ProcessLoop* loop)
+                           std::shared_ptr<const Vocabulary> vocabulary, std::unique_ptr<MapStore> store,
+                           OpenStore open_later, Bus* bus, const std::string& priority, ProcessLoop* loop)
     : setup_(setup),
       vocabulary_hash_(vocabulary->hash()),
       store_(std::move(store)),
@@ -39,7 +39,8 @@ AtlasProcess::AtlasProcess(const ProcessSetup& setup, const AtlasOptions& option
           keyframe_writer_.get(), delta_writer_.get(), vocabulary_hash_,
           [this](MapId map) {
             const auto replica = shelf_.maps().find(map);
-            return replica == shelf_.maps().end() || replica->second.map().revision() == 0 ? nullptr : &replica->second.map();
+            return replica == shelf_.maps().end() || replica->second.map().revision() == 0 ? nullptr
+                                                                                           : &replica->second.map();
           },
           [this](const KeyFrameData& data) { return WholeData(data); }),
       options_(options),
@@ -214,8 +215,8 @@ void AtlasProcess::OnRequest(const Request& request) {
   reply_writer_->Write(*reply);
 }
 
-/// Takes the maps of a file in, all or none: as dormant maps, with the links between them. They are stored when the answer is
-/// ok. Asked for again, because the answer was lost, it says the same.
+/// Takes the maps of a file in, all or none: as dormant maps, with the links between them. They are stored when the
+/// answer is ok. Asked for again, because the answer was lost, it says the same.
 Reply AtlasProcess::ImportMaps(const Request& request) {
   Reply reply;
   if (const auto imported = imports_.find(request.id); imported != imports_.end()) {
@@ -240,14 +241,16 @@ Reply AtlasProcess::ImportMaps(const Request& request) {
       reply.reason = "map " + ToString(id) + " was in this atlas, and went into map " + ToString(atlas_.Resolve(id));
     }
     for (const KeyFrameData& data : map.keyframes) {
-      if (shelf_.FindWords(data.id) != nullptr) reply.reason = "keyframe " + ToString(data.id) + " of map " + ToString(id) + " is in this atlas already";
+      if (shelf_.FindWords(data.id) != nullptr)
+        reply.reason = "keyframe " + ToString(data.id) + " of map " + ToString(id) + " is in this atlas already";
     }
     if (!reply.reason.empty()) return reply;
   }
   for (StoredMap& map : content->maps) {
     const MapId id = map.snapshot.map;
     // What was deleted here is ignored up to the last epoch that was heard of it.
-    map.snapshot.epoch = std::max({map.snapshot.epoch, atlas_.DeletedEpoch(id) + 1, shelf_.replicas().RemovedEpoch(id) + 1});
+    map.snapshot.epoch =
+        std::max({map.snapshot.epoch, atlas_.DeletedEpoch(id) + 1, shelf_.replicas().RemovedEpoch(id) + 1});
     atlas_.Adopt(id, map.snapshot.epoch);
     TakeIn(std::move(map), false);
     reply.text += (reply.text.empty() ? "" : " ") + ToString(id);
@@ -293,7 +296,8 @@ void AtlasProcess::PublishDecisions() {
   }
 }
 
-/// Owner of the dormant maps; stands in for owners that don't live, and serves a new owner that asks for the map it was granted.
+/// Owner of the dormant maps; stands in for owners that don't live, and serves a new owner that asks for the map it was
+/// granted.
 void AtlasProcess::OnSnapshotRequest(const SnapshotRequest& request) {
   if (request.asker == setup_.process || atlas_.is_standby()) return;
   const auto ownership = atlas_.maps().find(request.map);
@@ -301,13 +305,14 @@ void AtlasProcess::OnSnapshotRequest(const SnapshotRequest& request) {
   const auto& [map, robot, epoch, owner] = ownership->second;
   if (owner.IsValid() && owner != setup_.process && owner != request.asker && atlas_.IsAlive(owner, Now())) return;
   const auto replica = shelf_.maps().find(map);
-  spdlog::debug("{} asks for map {}, has revision {} and {} keyframes", ToString(request.asker), ToString(request.map), request.have_revision,
-                request.have_keyframes.size());
+  spdlog::debug("{} asks for map {}, has revision {} and {} keyframes", ToString(request.asker), ToString(request.map),
+                request.have_revision, request.have_keyframes.size());
   if (replica != shelf_.maps().end() && replica->second.map().revision() > 0) {
     snapshots_.Add(request);
     if (!snapshots_go_on_) SendSnapshots();
   } else if (owner == request.asker && shelf_.replicas().IsEmpty(map)) {  // its last owner had not begun it
-    for (const MapDeltaChunk& chunk : SplitDelta(Map(map, epoch - 1).Snapshot(), kDeltaChunkElements)) delta_writer_->Write(chunk);
+    for (const MapDeltaChunk& chunk : SplitDelta(Map(map, epoch - 1).Snapshot(), kDeltaChunkElements))
+      delta_writer_->Write(chunk);
   }
 }
 

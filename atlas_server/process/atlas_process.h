@@ -30,25 +30,27 @@
 namespace portolan {
 
 /// The shell around the atlas: hears requests and statuses, grants maps, follows every map and stores it, and stands in
-/// with snapshots for owners that are dead. Looks each new keyframe up in the other maps, and has maps switched or fused
-/// by what it finds. Of what is stored only that is kept in memory which is used (MapShelf). One owner thread, whose work
-/// is cut into bounded pieces, and one behind it that makes proposals for fusions.
-/// One that stands by behind another hears all of this and says nothing, but follows the other's list of maps and its graph
-/// too; with a store of its own it stores them.
+/// with snapshots for owners that are dead. Looks each new keyframe up in the other maps, and has maps switched or
+/// fused by what it finds. Of what is stored only that is kept in memory which is used (MapShelf). One owner thread,
+/// whose work is cut into bounded pieces, and one behind it that makes proposals for fusions. One that stands by behind
+/// another hears all of this and says nothing, but follows the other's list of maps and its graph too; with a store of
+/// its own it stores them.
 class AtlasProcess {
  public:
   /// Opens a store that another process has still.
   using OpenStore = std::function<Result<std::unique_ptr<MapStore>>()>;
 
-  /// @param store may be null: nothing is stored. @param open_later of one that stands by: its store is the other's, until that
-  /// one has left; else null.
+  /// @param store may be null: nothing is stored. @param open_later of one that stands by: its store is the other's,
+  /// until that one has left; else null.
   AtlasProcess(const ProcessSetup& setup, const AtlasOptions& options, std::shared_ptr<const Vocabulary> vocabulary,
-               std::unique_ptr<MapStore> store, OpenStore open_later, Bus* bus, const std::string& priority, ProcessLoop* loop);
+               std::unique_ptr<MapStore> store, OpenStore open_later, Bus* bus, const std::string& priority,
+               ProcessLoop* loop);
   ~AtlasProcess();
 
   /// Takes up what is in the store. Before Run().
   Status LoadStore();
-  /// Runs until SIGINT, SIGTERM, or another has its place, stores what is not stored yet and writes its report. @return exit code.
+  /// Runs until SIGINT, SIGTERM, or another has its place, stores what is not stored yet and writes its report. @return
+  /// exit code.
   int Run();
 
  private:
@@ -98,7 +100,7 @@ class AtlasProcess {
     std::deque<KeyFrameId> keyframes;  ///< "fuse": of `other`, still to be looked up in `map`
     std::string reason;                ///< why the last came to nothing
     double since_s = 0;
-    bool is_handed_over = false;       ///< "fuse": an overlap was found; answered when the fusion has ended
+    bool is_handed_over = false;  ///< "fuse": an overlap was found; answered when the fusion has ended
   };
   void QueueKeyFrame(const MapperState& state);
   bool LookUpNext();
@@ -165,18 +167,19 @@ class AtlasProcess {
   MapJoiner joiner_;
   Succession succession_;
   std::optional<MapSaver> saver_;
-  std::deque<Waiting> waiting_;               // keyframes to be looked up
+  std::deque<Waiting> waiting_;                             // keyframes to be looked up
   std::map<RobotId, FollowerState> followers_, published_;  // by the robot whose keyframes they are about
-  std::map<ProcessId, KeyFrameId> queued_;    // the last of each mapper
-  std::deque<KeyFrameData> queries_;          // of trackers that know no map
+  std::map<ProcessId, KeyFrameId> queued_;                  // the last of each mapper
+  std::deque<KeyFrameData> queries_;                        // of trackers that know no map
   std::deque<Search> searches_;
-  std::map<RequestId, std::string> imports_;  // answered: the maps
-  std::optional<FusionTask> fusion_;          // waits for descriptors
+  std::map<RequestId, std::string> imports_;    // answered: the maps
+  std::optional<FusionTask> fusion_;            // waits for descriptors
   std::vector<MapJoiner::Done> to_be_deleted_;  // maps that were fused, until what they went into is stored
-  uint64_t saved_graph_ = 0;                  // version
-  std::deque<OverlapRefusal> refusals_;       // the last ones
+  uint64_t saved_graph_ = 0;                    // version
+  std::deque<OverlapRefusal> refusals_;         // the last ones
   struct Lookups {
-    uint64_t keyframes = 0, passed_over = 0, maps = 0, candidates = 0, consistent = 0, verified = 0, confirmed = 0, refused = 0;
+    uint64_t keyframes = 0, passed_over = 0, maps = 0, candidates = 0, consistent = 0, verified = 0, confirmed = 0,
+             refused = 0;
     uint64_t located = 0, not_located = 0;
   } lookups_;
   double lookup_ms_ = 0;  // of the last keyframe

@@ -37,7 +37,8 @@ Reply AtlasProcess::ListMaps() const {
   for (const auto& [id, ownership] : atlas_.maps()) {
     nlohmann::json entry = {{"map", ToString(id)},
                             {"robot", ownership.robot},
-                            {"epoch", ownership.epoch},  // granted; that of the state is older until the owner changes it
+                            // Granted; that of the state is older until the owner changes it.
+                            {"epoch", ownership.epoch},
                             {"owner", ToString(ownership.owner)},
                             {"owner_alive", atlas_.IsAlive(ownership.owner, Now())},
                             {"active", atlas_.IsActive(id, Now())}};
@@ -93,10 +94,11 @@ Reply AtlasProcess::DescribeGraph(const std::string& format) const {
 void AtlasProcess::AddOverlaps(nlohmann::json* report) const {
   const MapJoiner::Counters& joined = joiner_.counters();
   (*report)["map_graph"] = nlohmann::json::parse(portolan::ToJson(atlas_.graph(), LabelMaps()));
-  (*report)["overlaps"] = {{"looked_up", lookups_.keyframes},   {"passed_over", lookups_.passed_over}, {"maps", lookups_.maps},
-                           {"candidates", lookups_.candidates}, {"consistent", lookups_.consistent},   {"verified", lookups_.verified},
-                           {"confirmed", lookups_.confirmed},   {"refused", lookups_.refused},         {"found", joined.overlaps},
-                           {"located", lookups_.located},       {"not_located", lookups_.not_located}};
+  (*report)["overlaps"] = {
+      {"looked_up", lookups_.keyframes},   {"passed_over", lookups_.passed_over}, {"maps", lookups_.maps},
+      {"candidates", lookups_.candidates}, {"consistent", lookups_.consistent},   {"verified", lookups_.verified},
+      {"confirmed", lookups_.confirmed},   {"refused", lookups_.refused},         {"found", joined.overlaps},
+      {"located", lookups_.located},       {"not_located", lookups_.not_located}};
   (*report)["switches"] = joined.switches;
   (*report)["fusions"] = joined.fusions;
   (*report)["joins"] = nlohmann::json::array();
@@ -124,9 +126,9 @@ void AtlasProcess::OnStatusTimer() {
   const bool known = replica != shelf_.maps().end();
   const bool failing = saver_ && store_failures_ > 0 && !saver_->IsComplete(shelf_.maps());
   status_.Publish(atlas_.is_standby() ? kStandbyState
-                  : failing            ? "the store can't be written"
-                  : totals.maps == 0 ? "waiting for a map"
-                                     : "following",
+                  : failing           ? "the store can't be written"
+                  : totals.maps == 0  ? "waiting for a map"
+                                      : "following",
                   last_map_, known ? replica->second.map().epoch() : 0, known ? replica->second.map().revision() : 0,
                   {{"maps", static_cast<double>(totals.maps)},
                    {"keyframes", static_cast<double>(totals.keyframes)},

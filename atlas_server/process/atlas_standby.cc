@@ -19,9 +19,8 @@ constexpr double kLastWordsS = 1.0;  // for the readers to acknowledge them
 
 void AtlasProcess::ConnectStandby() {
   request_writer_ = bus_->CreateWriter<Request>();
-  readers_.push_back(bus_->CreateReader<Reply>([this](Reply reply) {
-    loop_->Post([this, reply = std::move(reply)] { OnReply(reply); });
-  }));
+  readers_.push_back(bus_->CreateReader<Reply>(
+      [this](Reply reply) { loop_->Post([this, reply = std::move(reply)] { OnReply(reply); }); }));
   awake_since_s_ = Now();
 }
 
@@ -53,7 +52,8 @@ void AtlasProcess::TakeUpList(const std::string& text) {
   for (const MapList::Entry& entry : list->maps) {
     const Atlas::Ownership ownership{entry.map, entry.robot, entry.epoch, entry.owner};
     const auto known = atlas_.maps().find(entry.map);
-    const bool is_new = known == atlas_.maps().end() || known->second.epoch != entry.epoch || known->second.owner != entry.owner;
+    const bool is_new =
+        known == atlas_.maps().end() || known->second.epoch != entry.epoch || known->second.owner != entry.owner;
     ownerships.push_back(ownership);
     if (is_new && store_ != nullptr && entry.epoch > 0) {
       if (Status saved = store_->SaveOwnership(ownership); !saved) NoteStoreFailure(saved.error());
@@ -108,7 +108,8 @@ void AtlasProcess::OnCommand(const Command& command) {
       is_telling_ = false;
       if (command.owner == setup_.process) TakePlace();
       return;
-    default: return;
+    default:
+      return;
   }
 }
 

@@ -35,8 +35,8 @@ int Main(int argc, char** argv) {
   }
   const ProcessStart start = ProcessStart::Make(setup);
   if (start.exit_code) return *start.exit_code;
-  AtlasProcess process(setup, options, start.vocabulary, std::move(store), std::move(open_later), start.bus.get(), start.priority,
-                       start.loop.get());
+  AtlasProcess process(setup, options, start.vocabulary, std::move(store), std::move(open_later), start.bus.get(),
+                       start.priority, start.loop.get());
   if (Status loaded = process.LoadStore(); !loaded) {
     spdlog::error("{}", loaded.error().message);
     return kExitBadInput;

@@ -152,9 +152,11 @@ Status LoadMaps(ToolSession* session, const ToolArguments& arguments) {
 }
 
 Status SwapProcess(ToolSession* session, const ToolArguments& arguments) {
-  if (const Result<MapList> list = session->ListMaps(); !list) return list.error();  // whether there is one that answers
+  // Whether there is one that answers.
+  if (const Result<MapList> list = session->ListMaps(); !list) return list.error();
   session->BePatient(kSwapS);
-  const Result<Reply> reply = session->Ask("swap", MapId(), MapId(), arguments.role == "mapper" ? "backend_mapper" : arguments.role);
+  const Result<Reply> reply =
+      session->Ask("swap", MapId(), MapId(), arguments.role == "mapper" ? "backend_mapper" : arguments.role);
   if (!reply) return reply.error();
   const Result<SwapReport> report = ParseSwapReport(reply->text);
   if (!report) return session->Fail(kExitFailure, report.error().message);

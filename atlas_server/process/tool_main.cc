@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "base/command_line.h"
 #include "process/tool_commands.h"
 #include "version/version.h"
 
@@ -133,7 +134,8 @@ void AddRobotCommands(CLI::App* app, ToolOptions* options) {
 
 void AddSwap(CLI::App* app, ToolOptions* options) {
   ToolArguments& arguments = options->arguments;
-  auto* swap = AddCommand(app, options, "swap", "a process leaves its place to one started with --standby", SwapProcess);
+  auto* swap =
+      AddCommand(app, options, "swap", "a process leaves its place to one started with --standby", SwapProcess);
   swap->add_option("ROLE", arguments.role, "mapper, loop_closer or atlas_server")
       ->required()
       ->check(CLI::IsMember({"mapper", "loop_closer", "atlas_server"}));
@@ -164,11 +166,7 @@ int Main(int argc, char** argv) {
   AddMapCommands(&app, &options);
   AddRobotCommands(&app, &options);
   AddSwap(&app, &options);
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? kExitOk : kExitBadInput;
-  }
+  if (const auto code = ParseCommandLine(&app, argc, argv)) return *code;
   ProcessOptions shared;
   shared.role = "tool";
   if (Status read = ReadShared(options, &shared); !read) return Complain(kExitBadInput, read.error().message);

@@ -10,7 +10,7 @@ namespace {
 constexpr size_t kInboxCapacity = 4096;  // a map's keyframes come faster than they are taken in
 constexpr double kRepeatS = 1.0;         // between two tries of a request
 constexpr double kMatchPauseS = 0.02;    // between two looks whether the other side was discovered
-constexpr double kStalledS = 1.5;        // without news of a map: what was lost on the way is asked for again
+constexpr double kStalledS = 1.5;        // without a piece of a snapshot: what was lost on the way is asked for again
 
 }  // namespace
 
@@ -99,14 +99,19 @@ Result<Map> ToolSession::FetchMap(const MapList::Entry& entry) {
   struct Copy {
     MapReplica replica;
     DeltaAssembler assembler;
+    size_t copies = 0;  // of keyframes, sent with snapshots
   };
-  const auto copy =
-      std::make_shared<Copy>(Copy{MapReplica(entry.map), DeltaAssembler()});  // events that are left over have it too
+  // Events that are left over have it too.
+  const auto copy = std::make_shared<Copy>(Copy{MapReplica(entry.map), DeltaAssembler()});
   MapReplica& replica = copy->replica;
   const auto keyframe_reader = bus_->CreateReader<KeyFrameMessage>([this, copy](KeyFrameMessage message) {
     if (message.map != copy->replica.map().id()) return;
+    const bool is_copy = message.kind == KeyFrameKind::kCopy;
     auto data = std::make_shared<const KeyFrameData>(std::move(message.data));
-    inbox_.Push([copy, data = std::move(data)] { copy->replica.AddKeyFrameData(data); });
+    inbox_.Push([copy, is_copy, data = std::move(data)] {
+      if (is_copy && copy->replica.FindKeyFrameData(data->id) == nullptr) ++copy->copies;
+      copy->replica.AddKeyFrameData(data);
+    });
   });
   const auto delta_reader = bus_->CreateReader<MapDeltaChunk>([this, copy](MapDeltaChunk chunk) {
     if (chunk.part.map != copy->replica.map().id()) return;
@@ -115,18 +120,24 @@ Result<Map> ToolSession::FetchMap(const MapList::Entry& entry) {
     });
   });
   const auto request_writer = bus_->CreateWriter<SnapshotRequest>();
-  double last_progress_s = Now(), next_request_s = Now();
-  size_t furthest = 0;
+  double last_piece_s = Now(), next_request_s = Now();
+  size_t most_copies = 0, most_pending = 0;
   for (;;) {
     replica.ApplyPending();
     const Map& map = replica.map();
     if (std::pair(map.epoch(), map.revision()) >= std::pair(entry.state_epoch, entry.revision) && map.revision() > 0)
       return map;
-    // News alone are no progress: who has all and waits for more is sent the same again and again.
-    const size_t have = replica.keyframe_data().size() + copy->assembler.pending_bytes();
-    if (have > furthest) last_progress_s = Now();
-    furthest = std::max(furthest, have);
-    if (Now() - last_progress_s > timeout_s_) {
+    // A piece of the snapshot. The news of a map that grows are none: they come also when the request reached somebody
+    // else than its owner, who is discovered later, and is never answered. Nor is what was sent before: who has all and
+    // can't apply it is sent the same again and again.
+    const size_t pending = copy->assembler.pending_bytes();
+    if (copy->copies > most_copies || pending > most_pending) {
+      last_piece_s = Now();
+      next_request_s = std::max(next_request_s, last_piece_s + kStalledS);
+    }
+    most_copies = copy->copies;
+    most_pending = std::max(most_pending, pending);
+    if (Now() - last_piece_s > timeout_s_) {
       return Fail(kExitUnreachable, "map " + ToString(entry.map) + ": its owner does not send it" +
                                         (replica.last_problem().empty() ? "" : " whole: " + replica.last_problem()));
     }
@@ -136,8 +147,7 @@ Result<Map> ToolSession::FetchMap(const MapList::Entry& entry) {
       request_writer->Write(replica.MakeRequest(self_));
       next_request_s = Now() + kStalledS;
     }
-    if (!HandleNext(Now() + (is_matched ? 0.2 : kMatchPauseS))) continue;
-    next_request_s = std::max(next_request_s, Now() + kStalledS);
+    HandleNext(Now() + (is_matched ? 0.2 : kMatchPauseS));
   }
 }
 

@@ -26,7 +26,9 @@ nlohmann::json CheckMap(const StoredMap& stored, std::map<MapId, Epoch>* epochs,
     for (const std::string& violation : ValidateMap(*map)) problems->push_back(name + violation);
   }
   const Epoch granted = (*epochs)[state.map];
-  if (granted < state.epoch) problems->push_back(name + "is of epoch " + std::to_string(state.epoch) + ", but " + std::to_string(granted) + " was the last that was granted");
+  if (granted < state.epoch)
+    problems->push_back(name + "is of epoch " + std::to_string(state.epoch) + ", but " + std::to_string(granted) +
+                        " was the last that was granted");
   return entry;
 }
 

@@ -17,12 +17,13 @@ struct MapList {
   struct Entry {
     MapId map;
     RobotId robot = 0;  ///< whose tracker began it
-    Epoch epoch = 0;         ///< granted to the owner
+    Epoch epoch = 0;    ///< granted to the owner
     ProcessId owner;
     bool owner_alive = false;
     bool is_active = false;  ///< a tracker is in it
-    Epoch state_epoch = 0;   ///< of the state, which the owner may not have taken up in its own yet; a dormant map's stays
-    Revision revision = 0;   ///< of the state
+    /// Of the state, which the owner may not have taken up in its own yet; a dormant map's stays.
+    Epoch state_epoch = 0;
+    Revision revision = 0;  ///< of the state
     size_t keyframes = 0, points = 0;
   };
   std::vector<Entry> maps;

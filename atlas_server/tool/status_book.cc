@@ -70,7 +70,8 @@ std::string FormatRates(const std::map<std::string, double>& rates) {
   }
   for (const auto& [name, word] : kByteRates) {
     const auto rate = rates.find(name);
-    if (rate != rates.end() && rate->second >= 50) shown.push_back(fmt::format("{:.1f} kB/s {}", 1e-3 * rate->second, word));
+    if (rate != rates.end() && rate->second >= 50)
+      shown.push_back(fmt::format("{:.1f} kB/s {}", 1e-3 * rate->second, word));
   }
   return Join(shown);
 }

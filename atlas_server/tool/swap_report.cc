@@ -32,12 +32,13 @@ HeldMap ReadHeld(MapId map, const json& entry) {
 
 /// The owner of a map changes with a mapper, its content does not: revision and epoch may rise, and the content stays.
 bool IsOfOneState(const SwapReport& report, const SwapReport::Entry& entry) {
-  return report.role == "backend_mapper" || (entry.before.epoch == entry.after.epoch && entry.before.revision == entry.after.revision);
+  return report.role == "backend_mapper" ||
+         (entry.before.epoch == entry.after.epoch && entry.before.revision == entry.after.revision);
 }
 
 std::string Describe(const HeldMap& held) {
-  return fmt::format("{} keyframes, {} points, hash {} at revision {} in epoch {}", held.keyframes, held.points, FormatHash(held.hash),
-                     held.revision, held.epoch);
+  return fmt::format("{} keyframes, {} points, hash {} at revision {} in epoch {}", held.keyframes, held.points,
+                     FormatHash(held.hash), held.revision, held.epoch);
 }
 
 }  // namespace
@@ -45,8 +46,8 @@ std::string Describe(const HeldMap& held) {
 std::string SwapReport::Problem() const {
   for (const Entry& entry : maps) {
     if (IsOfOneState(*this, entry) && !HasSameContent(entry.before, entry.after)) {
-      return fmt::format("map {} is not the same after the swap: {} before, {} after", ToString(entry.before.map), Describe(entry.before),
-                         Describe(entry.after));
+      return fmt::format("map {} is not the same after the swap: {} before, {} after", ToString(entry.before.map),
+                         Describe(entry.before), Describe(entry.after));
     }
   }
   return "";
@@ -72,14 +73,14 @@ Result<SwapReport> ParseSwapReport(const std::string& text) {
 }
 
 std::string FormatSwapReport(const SwapReport& report) {
-  std::string text = fmt::format("ok: {} of robot {}: {} has left its place to {}, in {:.2f} s\n", report.role, report.robot,
-                                 ToString(report.from), ToString(report.to), report.seconds);
+  std::string text = fmt::format("ok: {} of robot {}: {} has left its place to {}, in {:.2f} s\n", report.role,
+                                 report.robot, ToString(report.from), ToString(report.to), report.seconds);
   for (const SwapReport::Entry& entry : report.maps) {
     const char* verdict = HasSameContent(entry.before, entry.after) ? "the same"
                           : IsOfOneState(report, entry)             ? "NOT THE SAME"
                                                                     : "gone on since";
-    text += fmt::format("map {}: {}\n  before: {}\n  after:  {}\n", ToString(entry.before.map), verdict, Describe(entry.before),
-                        Describe(entry.after));
+    text += fmt::format("map {}: {}\n  before: {}\n  after:  {}\n", ToString(entry.before.map), verdict,
+                        Describe(entry.before), Describe(entry.after));
   }
   return text;
 }

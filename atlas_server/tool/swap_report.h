@@ -21,7 +21,8 @@ struct SwapReport {
   double seconds = 0;  ///< from the order to the answer
   std::vector<Entry> maps;
 
-  /// What differs that should not, in words; empty: nothing. Both tell of one state of a map, or the new one of a later state.
+  /// What differs that should not, in words; empty: nothing. Both tell of one state of a map, or the new one of a later
+  /// state.
   std::string Problem() const;
 };
 

@@ -15,8 +15,8 @@ const MapId kMap(3, 10, 1);
 const HeldMap kBefore{kMap, 1, 88, 34, 2045, 0xabc}, kAfter{kMap, 2, 88, 34, 2045, 0xabc};
 
 SwapReport ReportOf(const std::string& role, const HeldMap& before, const HeldMap& after) {
-  const Result<SwapReport> report =
-      ParseSwapReport(DescribeSwap(role, 3, ProcessId(3, 20, 1), ProcessId(3, 30, 1), 0.4, {{kMap, before}}, {{kMap, after}}));
+  const Result<SwapReport> report = ParseSwapReport(
+      DescribeSwap(role, 3, ProcessId(3, 20, 1), ProcessId(3, 30, 1), 0.4, {{kMap, before}}, {{kMap, after}}));
   EXPECT_TRUE(report.ok()) << report.error().message;
   return report.ok() ? *report : SwapReport();
 }
@@ -29,7 +29,9 @@ TEST(SwapReport, TellsWhatTheAtlasServerAnswered) {
   ASSERT_EQ(report.maps.size(), 1u);
   EXPECT_EQ(report.maps[0].after.epoch, 2u);
   EXPECT_THAT(report.Problem(), IsEmpty());
-  EXPECT_THAT(FormatSwapReport(report), HasSubstr("the same\n  before: 34 keyframes, 2045 points, hash 0000000000000abc at revision 88 in epoch 1"));
+  EXPECT_THAT(
+      FormatSwapReport(report),
+      HasSubstr("the same\n  before: 34 keyframes, 2045 points, hash 0000000000000abc at revision 88 in epoch 1"));
 }
 
 TEST(SwapReport, AMapThatChangedOnItsWayIsAProblem) {
@@ -50,7 +52,8 @@ TEST(SwapReport, WhoFollowsMayHaveComeFurther) {
 }
 
 TEST(SwapReport, RefusesAnotherText) {
-  for (const char* text : {"", "ok", "{}", R"({"role":"loop_closer","robot":0,"from":"x","to":"y","seconds":1,"maps":[]})"}) {
+  for (const char* text :
+       {"", "ok", "{}", R"({"role":"loop_closer","robot":0,"from":"x","to":"y","seconds":1,"maps":[]})"}) {
     EXPECT_FALSE(ParseSwapReport(text).ok()) << text;
   }
 }

@@ -13,7 +13,8 @@ void FusedMaps::Note(const Map& other, MapId map, const Sim3d& map_from_other) {
 }
 
 const FusedMaps::Fused* FusedMaps::Find(MapId other) const {
-  const auto found = std::find_if(fused_.begin(), fused_.end(), [&](const Fused& fused) { return fused.other == other; });
+  const auto found =
+      std::find_if(fused_.begin(), fused_.end(), [&](const Fused& fused) { return fused.other == other; });
   return found == fused_.end() ? nullptr : &*found;
 }
 

@@ -17,8 +17,8 @@ class FusedMaps {
   /// `other` as it was goes into a map.
   void Note(const Map& other, MapId map, const Sim3d& map_from_other);
 
-  /// Makes a tracked keyframe of a fused map one of the map that has it now: its pose keeps its relation to its reference
-  /// keyframe, wherever that lies now; ids of keyframes and points are the same. Others are left alone.
+  /// Makes a tracked keyframe of a fused map one of the map that has it now: its pose keeps its relation to its
+  /// reference keyframe, wherever that lies now; ids of keyframes and points are the same. Others are left alone.
   /// @param find the maps as they are now, null where there is none.
   /// @return whether it was one.
   bool Redirect(const std::function<const Map*(MapId)>& find, KeyFrameMessage* message) const;

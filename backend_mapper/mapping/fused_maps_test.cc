@@ -20,12 +20,15 @@ class FusedMapsTest : public ::testing::Test {
   }
   /// All of b, moved, is in a.
   void TakeIn(const Sim3d& a_from_b) {
-    for (const auto& [id, keyframe] : b_.keyframes()) a_.AddKeyFrame(keyframe.data, TransformPose(keyframe.camera_from_map, a_from_b), KeyFrameId());
+    for (const auto& [id, keyframe] : b_.keyframes())
+      a_.AddKeyFrame(keyframe.data, TransformPose(keyframe.camera_from_map, a_from_b), KeyFrameId());
   }
   bool Redirect(KeyFrameMessage* message) const {
     return fused_.Redirect([&](MapId map) { return map == a_.id() ? &a_ : nullptr; }, message);
   }
-  static void ExpectPose(const Rigid3d& pose, const Rigid3d& expected) { EXPECT_LT(LogSE3(pose * expected.Inverse()).norm(), kTolerance); }
+  static void ExpectPose(const Rigid3d& pose, const Rigid3d& expected) {
+    EXPECT_LT(LogSE3(pose * expected.Inverse()).norm(), kTolerance);
+  }
 
   Map a_{MapId(0, 1, 1)}, b_{MapId(0, 1, 2)};
   RandomEdits edits_{3, &b_};

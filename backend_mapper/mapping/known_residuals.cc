@@ -6,7 +6,8 @@ namespace portolan {
 
 void KnownResiduals::Set(const CameraResidual& known) {
   if (known.residual.IsNone()) return;
-  const auto same = std::find_if(known_.begin(), known_.end(), [&](const CameraResidual& other) { return other.camera == known.camera; });
+  const auto same = std::find_if(known_.begin(), known_.end(),
+                                 [&](const CameraResidual& other) { return other.camera == known.camera; });
   if (same == known_.end()) {
     known_.push_back(known);
   } else {

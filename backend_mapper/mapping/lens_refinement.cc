@@ -15,11 +15,10 @@
 namespace portolan {
 namespace {
 
-constexpr double kRimQuantile =
-    0.95;  // of the features' distances from the principal point: as far out as features are
+// Of the features' distances from the principal point: as far out as features are.
+constexpr double kRimQuantile = 0.95;
 constexpr double kFunctionTolerance = 1e-5;  // the lens moves the cost by thousandths
-constexpr double kSettlingEvidence = 2;  // times the evidence asked for, and still another focal length explains more
-constexpr double kMaxShiftShare = 0.1;   // of the rim's radius: more is no residual but another lens
+constexpr double kMaxShiftShare = 0.1;       // of the rim's radius: more is no residual but another lens
 
 /// Distance from the principal point within which nearly all measurements lie, on the plane z = 1.
 double RimRadius(const BundleProblem& problem) {
@@ -32,7 +31,8 @@ double RimRadius(const BundleProblem& problem) {
 
 /// The feature as it was before the known residual was taken out.
 Eigen::Vector2d AsCalibrated(const KeyFrameData& data, uint32_t feature) {
-  const Eigen::Vector2d xy = data.residual.Distort(data.camera.Normalize(data.features.pixels_px[feature].cast<double>()));
+  const Eigen::Vector2d xy =
+      data.residual.Distort(data.camera.Normalize(data.features.pixels_px[feature].cast<double>()));
   return {data.camera.fx * xy.x() + data.camera.cx, data.camera.fy * xy.y() + data.camera.cy};
 }
 
@@ -90,21 +90,29 @@ LensFinding FindRadialResidual(const LensProblem& lens_problem, const LensRefine
   const double rim = RimRadius(problem);
   const double shift = std::max(Shift(adjusted->residual, known, rim), Shift(adjusted->residual, known, rim / 2));
   const double shift_px = shift * problem.poses.front().camera.fx;
-  // Twice the cost's drop, in units of the features' own noise: chi-square with two degrees of freedom if there were
+  // Twice a cost's drop, in units of the features' own noise: chi-square with two degrees of freedom if there were
   // nothing to find.
-  const double evidence = 2 * (adjusted->cost_without - adjusted->cost_with) / (bundle.loss_width * bundle.loss_width);
+  const auto evidence_of = [&](double before, double after) {
+    return 2 * (before - after) / (bundle.loss_width * bundle.loss_width);
+  };
+  const double evidence = evidence_of(adjusted->cost_without, adjusted->cost_with);
   // The calibration may be wrong in another way, and the residual would only stand for it.
-  const double over_focal = (adjusted->cost_without - adjusted->cost_with) / std::max(1e-9, adjusted->cost_without - adjusted->cost_focal);
+  const double over_focal =
+      (adjusted->cost_without - adjusted->cost_with) / std::max(1e-9, adjusted->cost_without - adjusted->cost_focal);
   const bool is_focal = over_focal < options.min_over_focal;
-  const bool is_significant = !is_focal && shift_px >= options.min_shift_px && Shift(adjusted->residual, {}, rim) < kMaxShiftShare * rim &&
+  const bool is_significant = !is_focal && shift_px >= options.min_shift_px &&
+                              Shift(adjusted->residual, {}, rim) < kMaxShiftShare * rim &&
                               evidence >= (known.IsNone() ? options.min_evidence : options.min_evidence_again);
-  spdlog::info("lens: the calibration leaves k1 {:.4f} k2 {:.4f}, {:.2f} px from what is known, evidence {:.0f}, {:.1f} times a focal length's: {}",
-               adjusted->residual.k1, adjusted->residual.k2, shift_px, evidence, over_focal,
-               is_significant ? "taken in"
-               : is_focal     ? "another focal length may explain it, left as it is"
-                              : "left as it is");
+  spdlog::info(
+      "lens: the calibration leaves k1 {:.4f} k2 {:.4f}, {:.2f} px from what is known, evidence {:.0f}, {:.1f} times a "
+      "focal length's: {}",
+      adjusted->residual.k1, adjusted->residual.k2, shift_px, evidence, over_focal,
+      is_significant ? "taken in"
+      : is_focal     ? "another focal length may explain it, left as it is"
+                     : "left as it is");
   if (is_significant) return {adjusted->residual, false};
-  return {{}, over_focal < 1 && evidence >= kSettlingEvidence * options.min_evidence};
+  // As certain as a residual must be. While the two explain about the same, more keyframes decide between them.
+  return {{}, evidence_of(adjusted->cost_with, adjusted->cost_focal) >= options.min_evidence};
 }
 
 MapCorrection AdaptToResidual(Map map, const CameraResidual& known, const std::atomic<bool>* stop) {

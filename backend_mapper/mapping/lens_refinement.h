@@ -19,12 +19,13 @@ struct LensProblem {
 
 /// What a map tells of the lens.
 struct LensFinding {
-  RadialResidual residual;  ///< worth taking in, in place of the known one; none if there is nothing new, or nothing certain
+  /// Worth taking in, in place of the known one; none if there is nothing new, or nothing certain.
+  RadialResidual residual;
   bool is_settled = false;  ///< a larger map will not tell more
 };
 
-/// The newest keyframes of a map, and the points that they see longest, as a problem with the newest keyframe fixed: what FindRadialResidual
-/// takes. Keyframes of another camera than the newest are passed over.
+/// The newest keyframes of a map, and the points that they see longest, as a problem with the newest keyframe fixed:
+/// what FindRadialResidual takes. Keyframes of another camera than the newest are passed over.
 LensProblem MakeLensProblem(const Map& map, const LensRefinementOptions& options);
 
 /// Beyond the paper: the radial distortion that the camera's calibration left, from the newest keyframes of a young
@@ -35,9 +36,9 @@ LensProblem MakeLensProblem(const Map& map, const LensRefinementOptions& options
 /// known already, from a smaller map, is replaced by the same rules. Takes some 0.2 s. Thread-safe.
 LensFinding FindRadialResidual(const LensProblem& problem, const LensRefinementOptions& options);
 
-/// What becomes of a map once a camera's residual is taken out of all its keyframes: global BA over it, as a proposal for
-/// LocalMapper::TakeResidual. @param map a copy to work on. `stop` (may be null) ends it early, with the poses as they are. Takes some 0.5 s for a
-/// hundred keyframes. Thread-safe.
+/// What becomes of a map once a camera's residual is taken out of all its keyframes: global BA over it, as a proposal
+/// for LocalMapper::TakeResidual. @param map a copy to work on. `stop` (may be null) ends it early, with the poses as
+/// they are. Takes some 0.5 s for a hundred keyframes. Thread-safe.
 MapCorrection AdaptToResidual(Map map, const CameraResidual& known, const std::atomic<bool>* stop);
 
 }  // namespace portolan

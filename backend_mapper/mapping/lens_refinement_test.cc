@@ -12,7 +12,9 @@
 namespace portolan {
 namespace {
 
-LensFinding FindInMap(const Map& map, const LensRefinementOptions& options) { return FindRadialResidual(MakeLensProblem(map, options), options); }
+LensFinding FindInMap(const Map& map, const LensRefinementOptions& options) {
+  return FindRadialResidual(MakeLensProblem(map, options), options);
+}
 
 /// Views along a winding path, seen through a lens that the calibration does not know.
 Map MapThrough(const RadialResidual& lens, double pixel_sigma) {
@@ -88,13 +90,13 @@ TEST(LensRefinementTest, LeavesAnExactCalibrationAlone) {
   EXPECT_TRUE(FindInMap(MapThrough({}, 0.3), {}).residual.IsNone());
 }
 
-TEST(LensRefinementTest, LeavesAWrongFocalLengthToTheUser) {
-  Map map = MapThrough({}, 0.3);
+/// The same keyframes and points, with a calibration whose focal length is wrong by this factor.
+Map WithFocalLength(double factor, const Map& map) {
   Map longer(map.id());
   for (const auto& [id, keyframe] : map.keyframes()) {
     KeyFrameData data = *keyframe.data;
-    data.camera.fx *= 1.1;
-    data.camera.fy *= 1.1;
+    data.camera.fx *= factor;
+    data.camera.fy *= factor;
     longer.AddKeyFrame(std::make_shared<const KeyFrameData>(std::move(data)), keyframe.camera_from_map,
                        keyframe.parent);
   }
@@ -102,9 +104,19 @@ TEST(LensRefinementTest, LeavesAWrongFocalLengthToTheUser) {
     longer.AddPoint(id, map.point(id).position_in_map);
     for (const Observation& o : map.point(id).observations) longer.AddObservation(id, o.keyframe, o.feature);
   }
-  const LensFinding finding = FindInMap(longer, {});
+  return longer;
+}
+
+TEST(LensRefinementTest, LeavesAWrongFocalLengthToTheUser) {
+  const LensFinding finding = FindInMap(WithFocalLength(1.1, MapThrough({}, 0.3)), {});
   EXPECT_TRUE(finding.residual.IsNone());
   EXPECT_TRUE(finding.is_settled);
+}
+
+TEST(LensRefinementTest, LooksAgainWhereLensAndFocalLengthExplainAboutTheSame) {
+  const LensFinding finding = FindInMap(WithFocalLength(1.02, MapThrough({0.02, -0.03}, 0.3)), {});
+  EXPECT_TRUE(finding.residual.IsNone());
+  EXPECT_FALSE(finding.is_settled);
 }
 
 TEST(LensRefinementTest, LeavesAloneWhatDoesNoHarm) {

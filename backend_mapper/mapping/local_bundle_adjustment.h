@@ -12,9 +12,9 @@
 namespace portolan {
 
 /// The keyframe and those connected to it in the pose graph, the points that they see, and other keyframes that see
-/// those points, fixed (paper Sec. 4.2): at least two, unless the map has no more keyframes. Where fewer than two others
-/// see them, the oldest of the window are fixed instead: one for the frame, one for the scale. The map's first keyframe
-/// never moves.
+/// those points, fixed (paper Sec. 4.2): at least two, unless the map has no more keyframes. Where fewer than two
+/// others see them, the oldest of the window are fixed instead: one for the frame, one for the scale. The map's first
+/// keyframe never moves.
 BundleWindow SelectLocalWindow(const Map& map, KeyFrameId keyframe, const LocalBundleOptions& options);
 
 /// What local BA did.

@@ -16,9 +16,10 @@
 namespace portolan {
 namespace {
 
-constexpr double kMinKnownShare = 0.5;  // of a keyframe's landmarks: with fewer in the map, it is not the map that the keyframe was tracked in
+// Of a keyframe's landmarks: with fewer in the map, it is not the map that the keyframe was tracked in.
+constexpr double kMinKnownShare = 0.5;
 constexpr size_t kKeyFramesAround = 10;  // of the reference: as many as new points and duplicates are looked for in
-constexpr double kPoseRadiusPx = 10.0;  // the map has moved a little since the pose was found
+constexpr double kPoseRadiusPx = 10.0;   // the map has moved a little since the pose was found
 
 }  // namespace
 
@@ -35,10 +36,12 @@ struct LocalMapper::TrackedLandmarks {
   }
 };
 
-LocalMapper::LocalMapper(const MapperOptions& options, MapId map, Epoch epoch, IdMinter<MapPointId>* point_ids, Publish publish)
+LocalMapper::LocalMapper(const MapperOptions& options, MapId map, Epoch epoch, IdMinter<MapPointId>* point_ids,
+                         Publish publish)
     : LocalMapper(options, Map(map, epoch), epoch, point_ids, std::move(publish)) {}
 
-LocalMapper::LocalMapper(const MapperOptions& options, Map map, Epoch epoch, IdMinter<MapPointId>* point_ids, Publish publish)
+LocalMapper::LocalMapper(const MapperOptions& options, Map map, Epoch epoch, IdMinter<MapPointId>* point_ids,
+                         Publish publish)
     : options_(options),
       map_(std::move(map)),
       point_ids_(point_ids),
@@ -52,8 +55,9 @@ Status LocalMapper::Initialize(KeyFramePtr first, KeyFramePtr second, const KeyF
   if (!map_.keyframes().empty()) return Error{"map " + ToString(map_.id()) + " is initialised already"};
   if (first->id == second->id) return Error{"map initialisation: both keyframes are " + ToString(first->id)};
   const bool is_known = !message.camera_from_map.translation.isZero();
-  const auto structure = ReconstructInitialStructure(*first, *second, message.initial_matches, options_.initialization,
-                                                     is_known ? std::optional<Rigid3d>(message.camera_from_map) : std::nullopt);
+  const auto structure =
+      ReconstructInitialStructure(*first, *second, message.initial_matches, options_.initialization,
+                                  is_known ? std::optional<Rigid3d>(message.camera_from_map) : std::nullopt);
   if (!structure.ok()) return structure.error();
   const KeyFrameId first_id = first->id, second_id = second->id;
   map_.AddKeyFrame(std::move(first), Rigid3d(), KeyFrameId());
@@ -106,9 +110,10 @@ LocalMapper::TrackedLandmarks LocalMapper::FindLandmarks(const KeyFrameData& dat
   return tracked;
 }
 
-/// A keyframe that comes again, because this map is older than the one it was tracked in, finds what it saw under other names, or not at all yet. The
-/// landmarks around its reference are where its pose puts them all the same.
-void LocalMapper::FindByPose(const KeyFrameData& data, KeyFrameId reference, const Rigid3d& camera_from_map, TrackedLandmarks* tracked) const {
+/// A keyframe that comes again, because this map is older than the one it was tracked in, finds what it saw under other
+/// names, or not at all yet. The landmarks around its reference are where its pose puts them all the same.
+void LocalMapper::FindByPose(const KeyFrameData& data, KeyFrameId reference, const Rigid3d& camera_from_map,
+                             TrackedLandmarks* tracked) const {
   std::unordered_set<uint32_t> features;
   std::unordered_set<MapPointId> points;
   for (const auto& [feature, point] : tracked->sources) {
@@ -238,7 +243,8 @@ void LocalMapper::PublishSnapshot() {
 }
 
 Status LocalMapper::ApplyCorrection(const MapCorrection& correction) {
-  if (correction.made_from_revision < last_residual_) return Error{"it was made before the calibration's residual was taken out"};
+  if (correction.made_from_revision < last_residual_)
+    return Error{"it was made before the calibration's residual was taken out"};
   const auto merges = ApplyMapCorrection(correction, &map_);
   if (!merges.ok()) return merges.error();
   NoteMerges(merges.value());

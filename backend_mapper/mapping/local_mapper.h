@@ -80,21 +80,22 @@ class LocalMapper {
   /// Hands the whole map to `publish`.
   void PublishSnapshot();
 
-  /// What to look for the calibration's residual in (FindRadialResidual), whenever the map has grown by enough (see LensRefinementOptions): a
-  /// larger map tells more exactly. It is long work, so that the caller does it beside this one's, and brings the finding.
+  /// What to look for the calibration's residual in (FindRadialResidual), whenever the map has grown by enough (see
+  /// LensRefinementOptions): a larger map tells more exactly. It is long work, so that the caller does it beside this
+  /// one's, and brings the finding.
   std::optional<LensProblem> NextLensProblem();
   void TakeLensFinding(const LensFinding& finding);
-  /// Takes a residual out of all keyframes of its camera, with what AdaptToResidual made of a copy of the map, and publishes it. Fails,
-  /// changing nothing, when another correction was applied since the copy was made.
+  /// Takes a residual out of all keyframes of its camera, with what AdaptToResidual made of a copy of the map, and
+  /// publishes it. Fails, changing nothing, when another correction was applied since the copy was made.
   Status TakeResidual(const CameraResidual& known, const MapCorrection& adaptation);
 
   /// Applies a proposal of another process and publishes it; fails, changing nothing, when it does not fit (see
   /// ApplyMapCorrection) or was made before the map's features changed (TakeResidual).
   Status ApplyCorrection(const MapCorrection& correction);
-  /// Takes another map in whole, by a proposal to fuse them, and publishes it; what names landmarks and keyframes that had
-  /// gone from the other map finds what stands for them here. Fails, changing nothing, when the proposal does not fit (see
-  /// ApplyFusion), or was made before the map was last corrected, or its features changed (TakeResidual): then it may lie
-  /// elsewhere now.
+  /// Takes another map in whole, by a proposal to fuse them, and publishes it; what names landmarks and keyframes that
+  /// had gone from the other map finds what stands for them here. Fails, changing nothing, when the proposal does not
+  /// fit (see ApplyFusion), or was made before the map was last corrected, or its features changed (TakeResidual): then
+  /// it may lie elsewhere now.
   Status TakeIn(const LocalMapper& other, const MapCorrection& fusion);
 
   /// Milliseconds of the steps: insert, extend, fuse, local_ba, prune.
@@ -102,7 +103,8 @@ class LocalMapper {
 
  private:
   struct TrackedLandmarks;
-  void FindByPose(const KeyFrameData& data, KeyFrameId reference, const Rigid3d& camera_from_map, TrackedLandmarks* tracked) const;
+  void FindByPose(const KeyFrameData& data, KeyFrameId reference, const Rigid3d& camera_from_map,
+                  TrackedLandmarks* tracked) const;
   TrackedLandmarks FindLandmarks(const KeyFrameData& data, const KeyFrameMessage& message) const;
   void NoteMerges(const std::vector<std::pair<MapPointId, MapPointId>>& merges);
 
@@ -115,7 +117,8 @@ class LocalMapper {
   PointProbation probation_;
   Revision corrected_revision_ = 0;  // the map's revision after the last correction
   Revision last_residual_ = 0;       // after TakeResidual
-  int next_lens_refinement_;  // number of keyframes; a map taken over may hold frames from before and after a refinement
+  // Number of keyframes; a map taken over may hold frames from before and after a refinement.
+  int next_lens_refinement_;
   Successors<MapPointId> merged_points_;  // the tracker may still name what was merged or removed here
   Successors<KeyFrameId> removed_keyframes_;
 };

@@ -33,7 +33,8 @@ class Mapper : public ::testing::Test {
     scene_ = std::make_unique<TestScene>(options);
     views_ = SeeAlongPath(scene_.get(), 10, 0.4);
     for (const TestView& view : views_) data_[view.data->id] = view.data;
-    mapper_ = std::make_unique<LocalMapper>(MapperOptions(), kMap, 5, &point_ids_, [this](MapDelta delta) { Follow(delta); });
+    mapper_ =
+        std::make_unique<LocalMapper>(MapperOptions(), kMap, 5, &point_ids_, [this](MapDelta delta) { Follow(delta); });
   }
   void Follow(const MapDelta& delta) {
     ++deltas_;
@@ -172,25 +173,30 @@ TEST_F(Mapper, RefusesKeyFramesThatDoNotFit) {
   refuses(1, message, "landmarks");
   message = Track(views_[1]);
   for (auto& [feature, landmark] : message.landmarks) landmark = MapPointId(6, 6, 6);
-  message.camera_from_map = Rigid3d(ExpSO3({0, 1, 0}), {3, 0, 0}) * message.camera_from_map;  // nor is it where its pose says
+  // Nor is it where its pose says.
+  message.camera_from_map = Rigid3d(ExpSO3({0, 1, 0}), {3, 0, 0}) * message.camera_from_map;
   refuses(1, message, "landmarks");
 }
 
 TEST_F(Mapper, AKeyFrameThatComesAgainToAnOlderMapIsFoundByItsPose) {
   ASSERT_TRUE(Initialize().ok());
-  for (const size_t k : {1, 2}) ASSERT_TRUE(mapper_->Process(views_[k].data, Track(views_[k]), kNoMoreWork, nullptr).ok());
+  for (const size_t k : {1, 2})
+    ASSERT_TRUE(mapper_->Process(views_[k].data, Track(views_[k]), kNoMoreWork, nullptr).ok());
   const Map older = mapper_->map();
-  for (const size_t k : {4, 5}) ASSERT_TRUE(mapper_->Process(views_[k].data, Track(views_[k]), kNoMoreWork, nullptr).ok());
+  for (const size_t k : {4, 5})
+    ASSERT_TRUE(mapper_->Process(views_[k].data, Track(views_[k]), kNoMoreWork, nullptr).ok());
   KeyFrameMessage message = Track(views_[6]);
   message.reference = views_[2].data->id;
   const auto is_known = [&](const auto& seen) { return older.FindPoint(seen.second) != nullptr; };
-  message.landmarks.erase(std::remove_if(message.landmarks.begin(), message.landmarks.end(), is_known), message.landmarks.end());
+  message.landmarks.erase(std::remove_if(message.landmarks.begin(), message.landmarks.end(), is_known),
+                          message.landmarks.end());
   ASSERT_GT(message.landmarks.size(), 15u) << "the newer map has landmarks of its own";
 
   LocalMapper successor(MapperOptions(), older, 6, &point_ids_, [](const MapDelta&) {});
   const Status processed = successor.Process(views_[6].data, message, kNoMoreWork, nullptr);
   ASSERT_TRUE(processed.ok()) << processed.error().message;
-  EXPECT_THAT(successor.map().keyframe(views_[6].data->id).camera_from_map, RigidNear(message.camera_from_map, (PoseTolerance{0.01, 0.02})));
+  EXPECT_THAT(successor.map().keyframe(views_[6].data->id).camera_from_map,
+              RigidNear(message.camera_from_map, (PoseTolerance{0.01, 0.02})));
   EXPECT_THAT(ValidateMap(successor.map()), IsEmpty());
 }
 
@@ -260,7 +266,8 @@ class FusingMapper : public Mapper {
     message.kind = KeyFrameKind::kInitialSecond;
     message.initial_matches = TrueMatches(other_views_[0], other_views_[3]);
     ASSERT_TRUE(other_->Initialize(other_views_[0].data, other_views_[3].data, message).ok());
-    for (const size_t k : {1, 2, 4}) ASSERT_TRUE(other_->Process(other_views_[k].data, TrackInOther(k), kNoMoreWork, nullptr).ok()) << k;
+    for (const size_t k : {1, 2, 4})
+      ASSERT_TRUE(other_->Process(other_views_[k].data, TrackInOther(k), kNoMoreWork, nullptr).ok()) << k;
   }
   KeyFrameMessage TrackInOther(size_t k) const {
     KeyFrameMessage message = TrackedMessage(other_->map(), other_views_[k], views_);
@@ -270,8 +277,10 @@ class FusingMapper : public Mapper {
   }
   Sim3d OtherFromWorld() const {
     const auto of = [](const Rigid3d& pose) { return pose.TargetOriginInSource(); };
-    const Rigid3d a = other_->map().keyframe(other_views_[0].data->id).camera_from_map, b = other_->map().keyframe(other_views_[3].data->id).camera_from_map;
-    const double scale = (of(a) - of(b)).norm() / (of(other_views_[0].camera_from_map) - of(other_views_[3].camera_from_map)).norm();
+    const Rigid3d a = other_->map().keyframe(other_views_[0].data->id).camera_from_map,
+                  b = other_->map().keyframe(other_views_[3].data->id).camera_from_map;
+    const double scale =
+        (of(a) - of(b)).norm() / (of(other_views_[0].camera_from_map) - of(other_views_[3].camera_from_map)).norm();
     const Sim3d units(scale, Eigen::Quaterniond::Identity(), Eigen::Vector3d::Zero());
     return Sim3d(a).Inverse() * units * Sim3d(other_views_[0].camera_from_map);
   }
@@ -279,7 +288,8 @@ class FusingMapper : public Mapper {
     LoopClosure overlap;
     overlap.current = other_views_[0].data->id;
     overlap.matched = views_[0].data->id;
-    overlap.current_from_matched = Sim3d(other_->map().keyframe(overlap.current).camera_from_map) * OtherFromWorld() * MapFromWorld().Inverse() *
+    overlap.current_from_matched = Sim3d(other_->map().keyframe(overlap.current).camera_from_map) * OtherFromWorld() *
+                                   MapFromWorld().Inverse() *
                                    Sim3d(mapper_->map().keyframe(overlap.matched).camera_from_map).Inverse();
     return ProposeFusion(mapper_->map(), other_->map(), overlap, LoopCorrectionOptions(), nullptr, nullptr);
   }
@@ -312,7 +322,9 @@ TEST_F(FusingMapper, AKeyFrameOfTheOtherMapGoesOnInThisOne) {
   ASSERT_TRUE(processed.ok()) << processed.error().message;
   const KeyFrame& inserted = mapper_->map().keyframe(other_views_[5].data->id);
   const Rigid3d expected = TransformPose(other_views_[5].camera_from_map, MapFromWorld());
-  EXPECT_LT((inserted.camera_from_map.TargetOriginInSource() - expected.TargetOriginInSource()).norm() / MapFromWorld().scale, 0.05);
+  EXPECT_LT(
+      (inserted.camera_from_map.TargetOriginInSource() - expected.TargetOriginInSource()).norm() / MapFromWorld().scale,
+      0.05);
 }
 
 TEST_F(FusingMapper, RefusesAProposalFromBeforeACorrection) {
@@ -320,7 +332,8 @@ TEST_F(FusingMapper, RefusesAProposalFromBeforeACorrection) {
   ASSERT_TRUE(fusion.ok());
   MapCorrection correction = EmptyCorrection(mapper_->map(), "global_ba");
   for (const auto& [id, keyframe] : mapper_->map().keyframes()) {
-    correction.keyframes.push_back({id, Sim3d(keyframe.camera_from_map) * Sim3d(1, Eigen::Quaterniond::Identity(), {1, 0, 0})});
+    correction.keyframes.push_back(
+        {id, Sim3d(keyframe.camera_from_map) * Sim3d(1, Eigen::Quaterniond::Identity(), {1, 0, 0})});
   }
   ASSERT_TRUE(mapper_->ApplyCorrection(correction).ok());
   const uint64_t before = HashMap(mapper_->map());

@@ -99,8 +99,7 @@ void NormalizeScale(InitialStructure* structure) {
 }  // namespace
 
 Result<InitialStructure> ReconstructInitialStructure(const KeyFrameData& first, const KeyFrameData& second,
-                                                     const FeaturePairs& matches,
-                                                     const InitializationOptions& options,
+                                                     const FeaturePairs& matches, const InitializationOptions& options,
                                                      const std::optional<Rigid3d>& known_second_from_first) {
   const auto pixels = GatherPixels(first, second, matches);
   if (!pixels.ok()) return pixels.error();

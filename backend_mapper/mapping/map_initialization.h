@@ -28,9 +28,9 @@ struct InitialStructure {
 /// pose alone is fixed; the solver's damping holds the seventh freedom) and set afterwards.
 /// @param matches (feature of first, feature of second).
 /// @param known_second_from_first of frames that are tracked in another map, the length of its translation in any unit:
-/// beyond the paper, it takes the place of the first steps. On a straight road there is often too little to estimate it.
-/// Fails with the reason when a feature does not exist, the two views are refused (ReconstructTwoViews) or fewer than
-/// options.min_points points survive BA. Deterministic for options.two_view.seed.
+/// beyond the paper, it takes the place of the first steps. On a straight road there is often too little to estimate
+/// it. Fails with the reason when a feature does not exist, the two views are refused (ReconstructTwoViews) or fewer
+/// than options.min_points points survive BA. Deterministic for options.two_view.seed.
 Result<InitialStructure> ReconstructInitialStructure(const KeyFrameData& first, const KeyFrameData& second,
                                                      const std::vector<std::pair<uint32_t, uint32_t>>& matches,
                                                      const InitializationOptions& options,

@@ -23,8 +23,8 @@ struct PointCreationOptions {
   double epipolar_chi2 = 3.841;      ///< squared normalised distance to the line: 95 %, 1 degree of freedom
   double reprojection_chi2 = 5.991;  ///< squared normalised reprojection error: 95 %, 2 degrees of freedom
   double max_parallax_cos = 0.9998;  ///< rays closer than 1.15 degrees give no depth
-  double max_scale_ratio =
-      1.8;                 ///< of distance ratio to octave ratio, either way: 1.5 for slant, times one octave (1.2)
+  /// Of distance ratio to octave ratio, either way: 1.5 for slant, times one octave (1.2).
+  double max_scale_ratio = 1.8;
   double min_depth = 0.1;  ///< nearest new point, in the keyframe's median depths: bounds the search along the line
   double epipole_radius_px = 10;  ///< at octave 0: around the epipole the line's direction is noise
 };
@@ -38,11 +38,11 @@ struct FusionOptions : LandmarkFusionOptions {
 
 /// Local BA (paper Sec. 4.2).
 struct LocalBundleOptions {
-  int max_keyframes = 20;     ///< free keyframes, best covisible first; bounds the time
-  int max_fixed = 25;         ///< keyframes that hold the window in place, most shared points first
-  int min_common = 15;        ///< points that a keyframe of the window shares with the newest
-  int iterations = 5;         ///< at most; the window was optimised with the last keyframe already
-  double chi2 = 5.991;  ///< squared normalised error of an outlier
+  int max_keyframes = 20;  ///< free keyframes, best covisible first; bounds the time
+  int max_fixed = 25;      ///< keyframes that hold the window in place, most shared points first
+  int min_common = 15;     ///< points that a keyframe of the window shares with the newest
+  int iterations = 5;      ///< at most; the window was optimised with the last keyframe already
+  double chi2 = 5.991;     ///< squared normalised error of an outlier
 };
 
 /// Finding the radial distortion that the calibration left (beyond the paper).
@@ -57,14 +57,16 @@ struct LensRefinementOptions {
   int max_points = 500;      ///< of the longest tracks
   int max_iterations = 12;
   double min_shift_px = 0.5;  ///< at the rim; less does no harm
-  /// Drop of the error in units of the features' variance. Measured: up to 29 for exact calibrations and for camera paths that don't tell (straight
-  /// ones, whose estimates are off by a factor of two), 48 to 375 where estimates agree with later ones.
+  /// Drop of the error in units of the features' variance. Measured: up to 29 for exact calibrations and for camera
+  /// paths that don't tell (straight ones, whose estimates are off by a factor of two), 48 to 375 where estimates agree
+  /// with later ones.
   double min_evidence = 40;
-  /// The same for an estimate that replaces one: 99.8 % of chi-square with two degrees of freedom, as a lens that bends is no question any more.
-  /// Measured on kitti_00: 32 and 6 for estimates that lie within 0.1 px of the best.
+  /// The same for an estimate that replaces one: 99.8 % of chi-square with two degrees of freedom, as a lens that bends
+  /// is no question any more. Measured on kitti_00: 32 and 6 for estimates that lie within 0.1 px of the best.
   double min_evidence_again = 12;
-  /// The drop over that by another focal length in its place. Measured: 1.3 on kitti_00 and above where the lens is bent for certain; 0.7 and about 1 on
-  /// kitchen, whose focal length is not sure and whose ATE rises by a third with such a residual.
+  /// The drop over that by another focal length in its place. Measured: 1.3 on kitti_00 and above where the lens is
+  /// bent for certain; 0.7 and about 1 on kitchen, whose focal length is not sure and whose ATE rises by a third with
+  /// such a residual.
   double min_over_focal = 1.15;
 };
 

@@ -23,7 +23,8 @@ void PassedOnMaps::Return(MapReplica* replica) {
 }
 
 void PassedOnMaps::Forget(MapId map) {
-  kept_.erase(std::remove_if(kept_.begin(), kept_.end(), [&](const Kept& kept) { return kept.map == map; }), kept_.end());
+  kept_.erase(std::remove_if(kept_.begin(), kept_.end(), [&](const Kept& kept) { return kept.map == map; }),
+              kept_.end());
 }
 
 }  // namespace portolan

@@ -10,8 +10,8 @@
 
 namespace portolan {
 
-/// Keyframe data of the last maps that passed on to another owner: when one comes back, as when a tracker goes to and fro
-/// between two maps, its structure is all that is asked for.
+/// Keyframe data of the last maps that passed on to another owner: when one comes back, as when a tracker goes to and
+/// fro between two maps, its structure is all that is asked for.
 class PassedOnMaps {
  public:
   static constexpr size_t kMaxMaps = 2;  // some 80 kB a keyframe

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "base/ids.h"
-#include "map/map.h"
 #include "map/keyframe_view.h"
+#include "map/map.h"
 #include "mapping/mapper_options.h"
 
 namespace portolan {

@@ -19,7 +19,8 @@ void WarmMaps::OnCommand(const Command& command) {
     case CommandKind::kForgetMap:
       replicas_.Remove(command.map);
       return Forget(command.map);
-    default: return;
+    default:
+      return;
   }
 }
 
@@ -85,9 +86,9 @@ Revision WarmMaps::Lag() const {
 }
 
 size_t WarmMaps::num_missing() const {
-  return static_cast<size_t>(std::count_if(replicas_.replicas().begin(), replicas_.replicas().end(), [this](const auto& entry) {
-    return entry.second.map().revision() == 0 && replicas_.IsBehind(entry.first);
-  }));
+  return static_cast<size_t>(std::count_if(
+      replicas_.replicas().begin(), replicas_.replicas().end(),
+      [this](const auto& entry) { return entry.second.map().revision() == 0 && replicas_.IsBehind(entry.first); }));
 }
 
 }  // namespace portolan

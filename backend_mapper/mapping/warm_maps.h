@@ -11,8 +11,9 @@
 
 namespace portolan {
 
-/// The maps of a robot's mapper as replicas, for one that stands by behind it: what the other owns is here, so that it can be
-/// gone on with at once. Pure: no DDS, no threads; one thread uses it. Time is given in seconds of any steady clock.
+/// The maps of a robot's mapper as replicas, for one that stands by behind it: what the other owns is here, so that it
+/// can be gone on with at once. Pure: no DDS, no threads; one thread uses it. Time is given in seconds of any steady
+/// clock.
 ///
 ///   WarmMaps maps(self);
 ///   maps.OnCommand(command);  maps.OnMapperState(state);  maps.AddKeyFrame(map, data);  maps.AddChunk(chunk);

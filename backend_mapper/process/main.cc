@@ -6,8 +6,8 @@ int main(int argc, char** argv) {
   using namespace portolan;
   MapperOptions options;
   const ProcessSetup setup = ProcessSetup::Make(
-      "backend_mapper", "Portolan's mapper: builds and refines the map that the atlas_server grants it", argc, argv, nullptr,
-      [&](ConfigReader* config) { return ReadMapperOptions(config, &options); });
+      "backend_mapper", "Portolan's mapper: builds and refines the map that the atlas_server grants it", argc, argv,
+      nullptr, [&](ConfigReader* config) { return ReadMapperOptions(config, &options); });
   if (setup.exit_code) return *setup.exit_code;
 
   const ProcessStart start = ProcessStart::Make(setup, ProcessStart::Words::kHashAlone);

@@ -8,14 +8,16 @@
 namespace portolan {
 namespace {
 
-constexpr size_t kMaxEarly = 64;  // keyframes of a map whose grant or snapshot is still on its way, 6 MB; the tracker sends them again
+// Keyframes of a map whose grant or snapshot is still on its way, 6 MB; the tracker sends them again.
+constexpr size_t kMaxEarly = 64;
 constexpr auto kRequestInterval = std::chrono::seconds(1);
 constexpr auto kAnswerPatience = std::chrono::seconds(2);
 
 }  // namespace
 
 std::unique_ptr<LocalMapper> MapperProcess::MakeMapper(Map map, Epoch epoch) {
-  return std::make_unique<LocalMapper>(options_, std::move(map), epoch, &point_ids_, [this](MapDelta delta) { PublishDelta(delta); });
+  return std::make_unique<LocalMapper>(options_, std::move(map), epoch, &point_ids_,
+                                       [this](MapDelta delta) { PublishDelta(delta); });
 }
 
 void MapperProcess::Own(MapId map, Epoch epoch) {
@@ -30,7 +32,10 @@ void MapperProcess::Own(MapId map, Epoch epoch) {
     // Where the last owner drained, the two have told that they hold the same.
     const bool is_open = warm && !draining_.IsValid();
     Takeover& takeover =
-        takeovers_.insert_or_assign(map, Takeover{warm ? std::move(*warm) : MapReplica(map), epoch, {}, is_open, Clock::now()}).first->second;
+        takeovers_
+            .insert_or_assign(map,
+                              Takeover{warm ? std::move(*warm) : MapReplica(map), epoch, {}, is_open, Clock::now()})
+            .first->second;
     passed_on_.Return(&takeover.replica);
     ContinueTakeovers();
     return;
@@ -55,7 +60,9 @@ void MapperProcess::PassOn(MapId map, Epoch epoch) {
 void MapperProcess::Forget(MapId map) {
   takeovers_.erase(map);
   passed_on_.Forget(map);
-  early_.erase(std::remove_if(early_.begin(), early_.end(), [&](const KeyFrameMessage& message) { return message.map == map; }), early_.end());
+  early_.erase(
+      std::remove_if(early_.begin(), early_.end(), [&](const KeyFrameMessage& message) { return message.map == map; }),
+      early_.end());
   if (mappers_.count(map) == 0) return;
   spdlog::info("map {} is no more", ToString(map));
   Drop(map);
@@ -79,7 +86,8 @@ void MapperProcess::KeepTimes(const LocalMapper& mapper, StageTimes* times) {
   }
 }
 
-/// A keyframe of a map that is not here. Of other robots' maps it is not for this mapper, unless one is just coming here.
+/// A keyframe of a map that is not here. Of other robots' maps it is not for this mapper, unless one is just coming
+/// here.
 void MapperProcess::WaitForGrant(KeyFrameMessage message) {
   if (message.map.robot() != setup_.options.robot && takeovers_.count(message.map) == 0) return;
   if (early_.size() >= kMaxEarly) {
@@ -111,8 +119,8 @@ bool MapperProcess::ContinueTakeover(Takeover* takeover) {
   // Any snapshot of an older epoch will do, an empty one too: then the last owner died before the map began.
   const bool is_open = takeover->is_open && Clock::now() - takeover->since < kAnswerPatience;
   if (map.epoch() > 0 && !is_open && !takeover->replica.NeedsSnapshot()) {
-    spdlog::info("goes on with map {} at revision {}: {} keyframes, {} points", ToString(map.id()), map.revision(), map.keyframes().size(),
-                 map.points().size());
+    spdlog::info("goes on with map {} at revision {}: {} keyframes, {} points", ToString(map.id()), map.revision(),
+                 map.keyframes().size(), map.points().size());
     auto& mapper = mappers_[map.id()];
     mapper = MakeMapper(map, takeover->epoch);
     residuals_.Learn(map);
@@ -159,8 +167,9 @@ Status MapperProcess::Fuse(const MapCorrection& fusion) {
   if (Status taken = mappers_.at(fusion.map)->TakeIn(*other->second, fusion); !taken) return taken;
   fused_.Note(other->second->map(), fusion.map, fusion.map_from_other);
   ++fusions_;
-  spdlog::info("map {} with {} keyframes is part of map {} now: {} landmarks merged, scale {:.3f}", ToString(fusion.other), keyframes,
-               ToString(fusion.map), fusion.merges.size(), fusion.map_from_other.scale);
+  spdlog::info("map {} with {} keyframes is part of map {} now: {} landmarks merged, scale {:.3f}",
+               ToString(fusion.other), keyframes, ToString(fusion.map), fusion.merges.size(),
+               fusion.map_from_other.scale);
   Drop(fusion.other);
   return Ok{};
 }

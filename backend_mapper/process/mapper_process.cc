@@ -11,13 +11,13 @@ namespace portolan {
 namespace {
 
 constexpr double kStatusPeriodS = 1.0;
-constexpr double kTickPeriodS = 0.15;  // well within the liveliness lease of 500 ms
+constexpr double kTickPeriodS = 0.15;    // well within the liveliness lease of 500 ms
 constexpr int kBackgroundNiceSteps = 4;  // behind the mapping, as loop_closer is
 
 }  // namespace
 
-MapperProcess::MapperProcess(const ProcessSetup& setup, const MapperOptions& options, uint64_t vocabulary_hash, Bus* bus,
-                             const std::string& priority, ProcessLoop* loop)
+MapperProcess::MapperProcess(const ProcessSetup& setup, const MapperOptions& options, uint64_t vocabulary_hash,
+                             Bus* bus, const std::string& priority, ProcessLoop* loop)
     : setup_(setup),
       options_(options),
       vocabulary_hash_(vocabulary_hash),
@@ -45,7 +45,9 @@ MapperProcess::MapperProcess(const ProcessSetup& setup, const MapperOptions& opt
   state_.process = setup.process;
 }
 
-MapperProcess::~MapperProcess() { readers_.clear(); }
+MapperProcess::~MapperProcess() {
+  readers_.clear();
+}
 
 void MapperProcess::ConnectReaders() {
   readers_.push_back(bus_->CreateReader<KeyFrameMessage>([this](KeyFrameMessage message) {
@@ -63,7 +65,8 @@ void MapperProcess::ConnectReaders() {
         held_bytes);
     if (!is_queued) keyframes_waiting_ -= waits;  // the tracker sends it again
   }));
-  // The paper's signal "stop the time-consuming map optimization" (Sec. 3.3): beside the queue, or it would wait for what it is to stop.
+  // The paper's signal "stop the time-consuming map optimization" (Sec. 3.3): beside the queue, or it would wait for
+  // what it is to stop.
   readers_.push_back(bus_->CreateReader<TrackerState>([this](TrackerState state) {
     if (state.interrupt_mapper && state.process.robot() == setup_.options.robot) stop_optimisation_ = true;
   }));
@@ -95,11 +98,14 @@ int MapperProcess::Run() {
   OnStatusTimer();
   loop_->Run();
   readers_.clear();
-  nlohmann::json report = MakeReport(setup_.options, priority_, [&] {
-    StageTimes times = process_times_;
-    for (const auto& [map, mapper] : mappers_) KeepTimes(*mapper, &times);
-    return times;
-  }(), *bus_);
+  nlohmann::json report = MakeReport(
+      setup_.options, priority_,
+      [&] {
+        StageTimes times = process_times_;
+        for (const auto& [map, mapper] : mappers_) KeepTimes(*mapper, &times);
+        return times;
+      }(),
+      *bus_);
   report["keyframes_taken"] = taken_;
   report["keyframes_refused"] = refused_;
   report["keyframes_repeated"] = repeated_;
@@ -137,19 +143,25 @@ void MapperProcess::OnCommand(const Command& command) {
   switch (command.kind) {
     case CommandKind::kGrantOwnership:
       return command.owner == setup_.process ? Own(command.map, command.epoch) : PassOn(command.map, command.epoch);
-    case CommandKind::kFuseMaps: return Forget(command.other);  // its owner was this one, or another's mapper
-    case CommandKind::kForgetMap: return Forget(command.map);
-    case CommandKind::kDrain: return OnDrain(command.owner);
+    case CommandKind::kFuseMaps:
+      return Forget(command.other);  // its owner was this one, or another's mapper
+    case CommandKind::kForgetMap:
+      return Forget(command.map);
+    case CommandKind::kDrain:
+      return OnDrain(command.owner);
     case CommandKind::kAppointMapper:
       if (is_mine) OnAppointment(command.owner);
       return;
-    default: return;  // of others
+    default:
+      return;  // of others
   }
 }
 
 void MapperProcess::OnKeyFrame(KeyFrameMessage message) {
   if (message.vocabulary_hash != vocabulary_hash_) {
-    if (foreign_vocabulary_++ == 0) spdlog::error("keyframes made with another vocabulary ({:016x}, here {:016x}) are passed over", message.vocabulary_hash, vocabulary_hash_);
+    if (foreign_vocabulary_++ == 0)
+      spdlog::error("keyframes made with another vocabulary ({:016x}, here {:016x}) are passed over",
+                    message.vocabulary_hash, vocabulary_hash_);
     return;
   }
   if (message.kind == KeyFrameKind::kCopy) return OnCopy(message);
@@ -204,7 +216,8 @@ void MapperProcess::RefineLens(MapId map, LocalMapper* mapper) {
   auto problem = mapper->NextLensProblem();
   if (!problem) return;
   state_.is_refining = true;
-  background_.Start([this, map, epoch = mapper->map().epoch(), problem = std::move(*problem), options = options_.lens](const std::atomic<bool>&) {
+  background_.Start([this, map, epoch = mapper->map().epoch(), problem = std::move(*problem),
+                     options = options_.lens](const std::atomic<bool>&) {
     const LensFinding finding = FindRadialResidual(problem, options);
     return [this, map, epoch, camera = problem.camera, finding] { OnLensFinding(map, epoch, camera, finding); };
   });
@@ -235,7 +248,8 @@ void MapperProcess::OnAdapted(const CameraResidual& known, const MapCorrection& 
   const auto mapper = mappers_.find(adaptation.map);
   if (mapper != mappers_.end()) {
     const Status taken = mapper->second->TakeResidual(known, adaptation);
-    if (!taken) spdlog::info("lens: not taken out of map {} yet: {}", ToString(adaptation.map), taken.error().message);  // AdaptMaps tries again
+    // AdaptMaps tries again.
+    if (!taken) spdlog::info("lens: not taken out of map {} yet: {}", ToString(adaptation.map), taken.error().message);
     if (adaptation.map == state_.map) state_.revision = mapper->second->map().revision();
   }
   PublishState(keyframes_waiting_ == 0);
@@ -252,7 +266,8 @@ void MapperProcess::AdaptMaps() {
   }
 }
 
-Status MapperProcess::TakeIntoMap(LocalMapper* mapper, std::shared_ptr<const KeyFrameData> data, const KeyFrameMessage& message) {
+Status MapperProcess::TakeIntoMap(LocalMapper* mapper, std::shared_ptr<const KeyFrameData> data,
+                                  const KeyFrameMessage& message) {
   if (message.kind == KeyFrameKind::kInitialFirst) {
     firsts_.clear();
     firsts_[data->id] = std::move(data);
@@ -260,7 +275,8 @@ Status MapperProcess::TakeIntoMap(LocalMapper* mapper, std::shared_ptr<const Key
   }
   if (message.kind == KeyFrameKind::kInitialSecond) {
     const auto first = firsts_.find(message.reference);
-    if (first == firsts_.end()) return Error{"the first keyframe of the pair, " + ToString(message.reference) + ", is not here"};
+    if (first == firsts_.end())
+      return Error{"the first keyframe of the pair, " + ToString(message.reference) + ", is not here"};
     return mapper->Initialize(first->second, std::move(data), message);
   }
   return mapper->Process(
@@ -298,7 +314,9 @@ void MapperProcess::OnCorrection(const MapCorrection& correction) {
   const Status applied = IsDrained()                   ? Status(Error{"the map is about to pass on to another mapper"})
                          : correction.kind == "fusion" ? Fuse(correction)
                                                        : mapper->second->ApplyCorrection(correction);
-  if (!applied) spdlog::warn("correction {} of {} refused: {}", correction.number, ToString(correction.process), applied.error().message);
+  if (!applied)
+    spdlog::warn("correction {} of {} refused: {}", correction.number, ToString(correction.process),
+                 applied.error().message);
   state_.correction_process = correction.process;
   state_.correction_number = correction.number;
   state_.correction_refusal = applied ? "" : applied.error().message;
@@ -322,7 +340,8 @@ void MapperProcess::OnStatusTimer() {
   if (IsDrained()) TellAllHeld();
   // Of what it follows, if it owns nothing.
   const Map* followed = is_standby_ && mappers_.empty() ? warm_maps_.current() : nullptr;
-  status_.Publish(StateInWords(), followed != nullptr ? followed->id() : state_.map, followed != nullptr ? followed->epoch() : state_.epoch,
+  status_.Publish(StateInWords(), followed != nullptr ? followed->id() : state_.map,
+                  followed != nullptr ? followed->epoch() : state_.epoch,
                   followed != nullptr ? followed->revision() : state_.revision,
                   {{"keyframes_taken", static_cast<double>(taken_)},
                    {"keyframes_refused", static_cast<double>(refused_)},

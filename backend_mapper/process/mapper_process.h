@@ -21,17 +21,18 @@
 
 namespace portolan {
 
-/// The shell around the mapper: owns the maps that the atlas_server grants it, takes in keyframes, publishes deltas and answers snapshot
-/// requests, all on one owner thread. The tracker's interrupt comes in beside it and stops an optimisation under way. Robots may share a
-/// partition: what concerns maps of others is passed over. One that stands by follows another's maps, and owns them when that one leaves
-/// its place or dies.
+/// The shell around the mapper: owns the maps that the atlas_server grants it, takes in keyframes, publishes deltas and
+/// answers snapshot requests, all on one owner thread. The tracker's interrupt comes in beside it and stops an
+/// optimisation under way. Robots may share a partition: what concerns maps of others is passed over. One that stands
+/// by follows another's maps, and owns them when that one leaves its place or dies.
 class MapperProcess {
  public:
   MapperProcess(const ProcessSetup& setup, const MapperOptions& options, uint64_t vocabulary_hash, Bus* bus,
                 const std::string& priority, ProcessLoop* loop);
   ~MapperProcess();
 
-  /// Runs until SIGINT, SIGTERM, or the atlas_server refuses it or has given its place to another. Writes its report. @return exit code.
+  /// Runs until SIGINT, SIGTERM, or the atlas_server refuses it or has given its place to another. Writes its report.
+  /// @return exit code.
   int Run();
 
  private:
@@ -106,7 +107,8 @@ class MapperProcess {
     MapReplica replica;
     Epoch epoch = 0;
     Clock::time_point last_request{};
-    bool is_open = false;  ///< the atlas_server may have more of it than was followed here: not without its answer, if one comes in time
+    /// The atlas_server may have more of it than was followed here: not without its answer, if one comes in time.
+    bool is_open = false;
     Clock::time_point since{};
   };
   std::map<MapId, Takeover> takeovers_;
@@ -115,7 +117,8 @@ class MapperProcess {
   IdMinter<MapPointId> point_ids_;
   DeltaAssembler assembler_;
   std::map<KeyFrameId, std::shared_ptr<const KeyFrameData>> firsts_;  // first frames of pairs
-  std::vector<KeyFrameMessage> early_;                                // for maps granted soon or being taken over, bounded
+  // For maps granted soon or being taken over, bounded.
+  std::vector<KeyFrameMessage> early_;
   std::atomic<int> keyframes_waiting_{0};
   std::atomic<bool> stop_optimisation_{false};
   MapperState state_;
@@ -123,10 +126,11 @@ class MapperProcess {
   IdMinter<RequestId> request_ids_;
   std::optional<Request> registration_;  // until it is answered
   bool is_standby_;
-  WarmMaps warm_maps_;        // of the mapper behind which it stands by
-  ProcessId draining_;        // this process, or that mapper; none: nobody is
+  WarmMaps warm_maps_;                              // of the mapper behind which it stands by
+  ProcessId draining_;                              // this process, or that mapper; none: nobody is
   std::optional<Clock::time_point> drained_since_;  // this process
-  uint64_t taken_ = 0, refused_ = 0, repeated_ = 0, interrupts_ = 0, foreign_vocabulary_ = 0, early_dropped_ = 0, corrections_ = 0, fusions_ = 0;
+  uint64_t taken_ = 0, refused_ = 0, repeated_ = 0, interrupts_ = 0, foreign_vocabulary_ = 0, early_dropped_ = 0,
+           corrections_ = 0, fusions_ = 0;
   StageTimes process_times_;
   int exit_code_ = kExitOk;
   BackgroundWork background_;

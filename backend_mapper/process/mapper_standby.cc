@@ -15,7 +15,8 @@ constexpr auto kDrainedPatience = std::chrono::seconds(30);
 
 void MapperProcess::FollowOwner() {
   if (!is_standby_) return;
-  for (const SnapshotRequest& request : warm_maps_.Update(std::chrono::duration<double>(Clock::now().time_since_epoch()).count()))
+  for (const SnapshotRequest& request :
+       warm_maps_.Update(std::chrono::duration<double>(Clock::now().time_since_epoch()).count()))
     snapshot_writer_->Write(request);
 }
 

@@ -37,4 +37,6 @@ struct CheckVoidify {
 
 /// Throws CheckFailure with the condition and what is streamed in, when the condition is false.
 #define PORTOLAN_CHECK(condition) \
-  (condition) ? (void)0 : ::portolan::internal::CheckVoidify() & ::portolan::internal::CheckMessage(__FILE__, __LINE__, #condition)
+  (condition)                     \
+      ? (void)0                   \
+      : ::portolan::internal::CheckVoidify() & ::portolan::internal::CheckMessage(__FILE__, __LINE__, #condition)

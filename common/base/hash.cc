@@ -7,7 +7,8 @@
 namespace portolan {
 
 void Hasher::AddBytes(const void* data, size_t size) {
-  // FNV-1a over 8-byte words, then the tail byte by byte: one multiplication a word keeps a 4 MB vocabulary at a few ms.
+  // FNV-1a over 8-byte words, then the tail byte by byte: one multiplication a word keeps a 4 MB vocabulary at a few
+  // ms.
   constexpr uint64_t kPrime = 0x100000001b3ull;
   const auto* bytes = static_cast<const unsigned char*>(data);
   for (; size >= 8; size -= 8, bytes += 8) {
@@ -26,6 +27,8 @@ uint64_t Hasher::Value() const {
   return z ^ (z >> 33);
 }
 
-std::string FormatHash(uint64_t hash) { return fmt::format("{:016x}", hash); }
+std::string FormatHash(uint64_t hash) {
+  return fmt::format("{:016x}", hash);
+}
 
 }  // namespace portolan

@@ -7,7 +7,8 @@
 
 namespace portolan {
 
-/// A running 64-bit hash (FNV-1a with a final mix) for files, maps and vocabularies: equal on every machine of one byte order.
+/// A running 64-bit hash (FNV-1a with a final mix) for files, maps and vocabularies: equal on every machine of one byte
+/// order.
 class Hasher {
  public:
   void AddBytes(const void* data, size_t size);

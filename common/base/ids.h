@@ -11,8 +11,8 @@ namespace portolan {
 using RobotId = uint16_t;
 
 /// Identity of something that one process creates and others refer to. Unique without a central counter: the creator's
-/// robot (16 bit), its session (24 bit, drawn anew at each start of a process) and a sequence within it (24 bit, from 1).
-/// Never reused. Value 0 is "none". Ordered by robot, session, sequence, so ids of one session sort by age.
+/// robot (16 bit), its session (24 bit, drawn anew at each start of a process) and a sequence within it (24 bit, from
+/// 1). Never reused. Value 0 is "none". Ordered by robot, session, sequence, so ids of one session sort by age.
 template <class Tag>
 struct Id {
   uint64_t value = 0;

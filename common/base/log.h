@@ -17,11 +17,12 @@ struct LogOptions {
   int files = 3;                     ///< kept of those; 0: the file is emptied and begun again
 };
 
-/// Sets up the process's log: standard error, and a rotating file if one is named. Fails on an unknown level or a file that
-/// can't be opened. Log with spdlog::info("..."), warn, error, debug.
+/// Sets up the process's log: standard error, and a rotating file if one is named. Fails on an unknown level or a file
+/// that can't be opened. Log with spdlog::info("..."), warn, error, debug.
 Status SetUpLog(const LogOptions& options);
 
-/// Lets a repeated message through once a second at most and counts what it held back. Not thread-safe: one per call site's owner.
+/// Lets a repeated message through once a second at most and counts what it held back. Not thread-safe: one per call
+/// site's owner.
 class LogThrottle {
  public:
   /// @return whether to log now; if so, `suppressed()` tells how many were held back since the last one.

@@ -20,7 +20,9 @@ uint64_t Random::Below(uint64_t n) {
   return static_cast<uint64_t>((static_cast<Wide>(Next()) * n) >> 64);
 }
 
-double Random::Uniform() { return static_cast<double>(Next() >> 11) * 0x1.0p-53; }
+double Random::Uniform() {
+  return static_cast<double>(Next() >> 11) * 0x1.0p-53;
+}
 
 double Random::Gaussian() {
   if (has_spare_) {

@@ -4,8 +4,8 @@
 
 namespace portolan {
 
-/// Random numbers that are the same on every machine for the same seed (SplitMix64; the standard's distributions are not
-/// portable). Not for cryptography. Not thread-safe: one per owner.
+/// Random numbers that are the same on every machine for the same seed (SplitMix64; the standard's distributions are
+/// not portable). Not for cryptography. Not thread-safe: one per owner.
 class Random {
  public:
   explicit Random(uint64_t seed) : state_(seed) {}

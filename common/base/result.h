@@ -8,16 +8,18 @@
 
 namespace portolan {
 
-/// Why an expected failure happened, in words a user can act on: names the file, key or line, the value and what was expected.
+/// Why an expected failure happened, in words a user can act on: names the file, key or line, the value and what was
+/// expected.
 struct Error {
   std::string message;
 };
 
-/// A value, or the reason why there is none. For failures that are part of normal work; a bug is a PORTOLAN_CHECK instead.
+/// A value, or the reason why there is none. For failures that are part of normal work; a bug is a PORTOLAN_CHECK
+/// instead.
 template <class T>
 class [[nodiscard]] Result {
  public:
-  Result(T value) : state_(std::move(value)) {}  // NOLINT: implicit on purpose, `return value;`
+  Result(T value) : state_(std::move(value)) {}      // NOLINT: implicit on purpose, `return value;`
   Result(Error error) : state_(std::move(error)) {}  // NOLINT: implicit on purpose, `return Error{...};`
 
   bool ok() const { return std::holds_alternative<T>(state_); }

@@ -26,7 +26,9 @@ struct Timestamp {
 };
 
 /// to - from, in seconds.
-constexpr double SecondsBetween(Timestamp from, Timestamp to) { return static_cast<double>(to.ns - from.ns) * 1e-9; }
+constexpr double SecondsBetween(Timestamp from, Timestamp to) {
+  return static_cast<double>(to.ns - from.ns) * 1e-9;
+}
 
 /// Measures elapsed milliseconds on the monotonic clock from its construction or last Restart().
 class Stopwatch {

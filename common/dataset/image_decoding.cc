@@ -40,7 +40,8 @@ void IgnoreJpegWarning(j_common_ptr, int) {}
 enum class Outcome { kDone, kFailed, kOther };
 
 /// @param grey gets the size; its pixels must not move while the decoder lives.
-Outcome RunJpeg(const uint8_t* bytes, size_t size, jpeg_decompress_struct* decoder, JpegFailure* failure, cv::Mat* grey) {
+Outcome RunJpeg(const uint8_t* bytes, size_t size, jpeg_decompress_struct* decoder, JpegFailure* failure,
+                cv::Mat* grey) {
   if (setjmp(failure->back) != 0) return Outcome::kFailed;
   jpeg_create_decompress(decoder);
   jpeg_mem_src(decoder, bytes, size);
@@ -110,8 +111,10 @@ bool RunPng(png_structp decoder, png_infop info, PngInput* input, cv::Mat* grey,
   if ((colour & PNG_COLOR_MASK_COLOR) != 0) png_set_rgb_to_gray(decoder, PNG_ERROR_ACTION_NONE, 0.299, 0.587);
   png_set_interlace_handling(decoder);
   png_read_update_info(decoder, info);
-  grey->create(static_cast<int>(png_get_image_height(decoder, info)), static_cast<int>(png_get_image_width(decoder, info)), CV_8UC1);
-  if (png_get_rowbytes(decoder, info) != static_cast<size_t>(grey->cols)) png_error(decoder, "rows are not of one byte a pixel");
+  grey->create(static_cast<int>(png_get_image_height(decoder, info)),
+               static_cast<int>(png_get_image_width(decoder, info)), CV_8UC1);
+  if (png_get_rowbytes(decoder, info) != static_cast<size_t>(grey->cols))
+    png_error(decoder, "rows are not of one byte a pixel");
   for (int y = 0; y < grey->rows; ++y) rows->push_back(grey->ptr(y));
   png_read_image(decoder, rows->data());
   png_read_end(decoder, info);
@@ -141,7 +144,9 @@ Result<cv::Mat> DecodeOther(const uint8_t* bytes, size_t size) {
 }
 
 /// EXIF stands in one of the first segments.
-bool HasExif(std::string_view bytes) { return bytes.substr(0, 4096).find(kExifMark) != std::string_view::npos; }
+bool HasExif(std::string_view bytes) {
+  return bytes.substr(0, 4096).find(kExifMark) != std::string_view::npos;
+}
 
 }  // namespace
 

@@ -47,15 +47,18 @@ TEST_P(DecodeGreyTest, GivesWhatOpenCvGives) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Kinds, DecodeGreyTest,
-                         testing::Values(Kind{".jpg", CV_8UC1, {}}, Kind{".jpg", CV_8UC3, {}}, Kind{".jpg", CV_8UC3, {cv::IMWRITE_JPEG_PROGRESSIVE, 1}},
-                                         Kind{".png", CV_8UC1, {}}, Kind{".png", CV_8UC3, {}}, Kind{".png", CV_8UC4, {}}, Kind{".png", CV_16UC1, {}},
-                                         Kind{".png", CV_16UC3, {}}, Kind{".pgm", CV_8UC1, {}}, Kind{".bmp", CV_8UC3, {}}));
+                         testing::Values(Kind{".jpg", CV_8UC1, {}}, Kind{".jpg", CV_8UC3, {}},
+                                         Kind{".jpg", CV_8UC3, {cv::IMWRITE_JPEG_PROGRESSIVE, 1}},
+                                         Kind{".png", CV_8UC1, {}}, Kind{".png", CV_8UC3, {}},
+                                         Kind{".png", CV_8UC4, {}}, Kind{".png", CV_16UC1, {}},
+                                         Kind{".png", CV_16UC3, {}}, Kind{".pgm", CV_8UC1, {}},
+                                         Kind{".bmp", CV_8UC3, {}}));
 
 TEST(DecodeGreyTest, AJpegWithAnOrientationIsTurned) {
   std::vector<uint8_t> bytes = Encode(".jpg", Picture(CV_8UC1));
   // APP1 after the start mark: EXIF, big endian, one entry: orientation (0x0112), short, 6 (a quarter turn).
-  const std::vector<uint8_t> exif = {0xff, 0xe1, 0, 34, 'E', 'x', 'i', 'f', 0, 0, 'M', 'M', 0, 42, 0, 0, 0, 8, 0, 1,
-                                     0x01, 0x12, 0, 3, 0, 0, 0, 1, 0, 6, 0, 0, 0, 0, 0, 0};
+  const std::vector<uint8_t> exif = {0xff, 0xe1, 0,    34,   'E', 'x', 'i', 'f', 0, 0, 'M', 'M', 0, 42, 0, 0, 0, 8,
+                                     0,    1,    0x01, 0x12, 0,   3,   0,   0,   0, 1, 0,   6,   0, 0,  0, 0, 0, 0};
   bytes.insert(bytes.begin() + 2, exif.begin(), exif.end());
   const Result<cv::Mat> grey = DecodeGrey(bytes.data(), bytes.size());
   ASSERT_TRUE(grey) << grey.error().message;
@@ -63,7 +66,9 @@ TEST(DecodeGreyTest, AJpegWithAnOrientationIsTurned) {
 }
 
 TEST(DecodeGreyTest, SaysWhatIsWrong) {
-  const auto problem = [](const std::vector<uint8_t>& bytes) { return DecodeGrey(bytes.data(), bytes.size()).error().message; };
+  const auto problem = [](const std::vector<uint8_t>& bytes) {
+    return DecodeGrey(bytes.data(), bytes.size()).error().message;
+  };
   EXPECT_EQ(problem({'h', 'e', 'l', 'l', 'o'}), "is not an image that can be decoded");
   EXPECT_THAT(problem({0xff, 0xd8, 0xff, 'x', 'y', 'z'}), HasSubstr("can't be decoded"));
   std::vector<uint8_t> png = Encode(".png", Picture(CV_8UC1));
@@ -82,7 +87,8 @@ TEST(DecodeGreyTest, SurvivesDamage) {
     for (int run = 0; run < 300; ++run) {
       std::vector<uint8_t> bytes = whole;
       for (int k = random.uniform(1, 20); k > 0; --k) {
-        bytes[static_cast<size_t>(random.uniform(8, static_cast<int>(bytes.size())))] = static_cast<uint8_t>(random.uniform(0, 256));
+        bytes[static_cast<size_t>(random.uniform(8, static_cast<int>(bytes.size())))] =
+            static_cast<uint8_t>(random.uniform(0, 256));
       }
       bytes.resize(static_cast<size_t>(random.uniform(9, static_cast<int>(bytes.size()) + 1)));
       const Result<cv::Mat> grey = DecodeGrey(bytes.data(), bytes.size());

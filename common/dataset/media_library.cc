@@ -14,7 +14,8 @@ std::string FindMediaLibrary() {
   if (const char* path = std::getenv("PORTOLAN_MEDIA"); path != nullptr && *path != '\0') return path;
   std::error_code error;
   const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe", error);
-  const auto installed = (program.parent_path() / ".." / "lib" / "portolan" / "libportolan_media.so").lexically_normal();
+  const auto installed =
+      (program.parent_path() / ".." / "lib" / "portolan" / "libportolan_media.so").lexically_normal();
   return std::filesystem::exists(installed, error) ? installed.string() : PORTOLAN_MEDIA_AS_BUILT;
 }
 

@@ -6,8 +6,9 @@
 #include <opencv2/core/mat.hpp>
 #include <string>
 
-// What libportolan_media.so offers. OpenCV's codecs bring over two hundred libraries and 55 MB of relocated tables into a process (GDAL,
-// FFmpeg, GStreamer); a program that reads JPEG and PNG files needs none of them, so they stand behind dlopen (media_library.h).
+// What libportolan_media.so offers. OpenCV's codecs bring over two hundred libraries and 55 MB of relocated tables into
+// a process (GDAL, FFmpeg, GStreamer); a program that reads JPEG and PNG files needs none of them, so they stand behind
+// dlopen (media_library.h).
 
 namespace portolan {
 

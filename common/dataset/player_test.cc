@@ -222,7 +222,8 @@ TEST(PlayerTest, GoesOnWhereTheClockIs) {
     fake.num_frames = 400;
     fake.peeks = peeks;
     PlaybackOptions options;
-    options.go_on = PlaybackOptions::GoOn{PlaybackStart{Timestamp::FromSeconds(100), steady_clock::now() - std::chrono::milliseconds(100)}, 0};
+    options.go_on = PlaybackOptions::GoOn{
+        PlaybackStart{Timestamp::FromSeconds(100), steady_clock::now() - std::chrono::milliseconds(100)}, 0};
     Player player(MakeSource(fake), options);
     const std::vector<uint64_t> frames = PlayToEnd(&player);
     const PlaybackReport report = player.report();
@@ -236,7 +237,8 @@ TEST(PlayerTest, GoesOnWhereTheClockIs) {
 
 TEST(PlayerTest, WhatIsOverGoesOnNowhere) {
   PlaybackOptions options;
-  options.go_on = PlaybackOptions::GoOn{PlaybackStart{Timestamp::FromSeconds(100), steady_clock::now() - std::chrono::seconds(1)}, 0};
+  options.go_on = PlaybackOptions::GoOn{
+      PlaybackStart{Timestamp::FromSeconds(100), steady_clock::now() - std::chrono::seconds(1)}, 0};
   Player player(MakeSource({}), options);
   EXPECT_THAT(PlayToEnd(&player), ElementsAre());
   EXPECT_EQ(player.report().passed, 10u);

@@ -13,8 +13,8 @@
 namespace portolan {
 
 struct EvaluationOptions {
-  double max_dt =
-      0;  ///< seconds between an estimate and its ground truth; 0: half the median interval of the ground truth
+  /// Seconds between an estimate and its ground truth; 0: half the median interval of the ground truth.
+  double max_dt = 0;
   bool fix_scale = false;         ///< align rigidly: for estimates in metres
   double rpe_delta = 1;           ///< of the relative pose error, in seconds
   std::optional<int> rpe_frames;  ///< or so many poses of the ground truth in place of rpe_delta

@@ -12,7 +12,7 @@ namespace portolan {
 
 struct TrajectoryPlotOptions {
   std::string title;
-  bool per_map = false;  ///< each map by its own alignment; else all by the joined one
+  bool per_map = false;                              ///< each map by its own alignment; else all by the joined one
   std::optional<std::vector<LoopClosure>> closures;  ///< marked, each with a line between its two places
 };
 

@@ -129,8 +129,7 @@ int OrbExtractor::DescribeLevel(int octave, int wanted, FeatureSet* features) {
 
 FeatureSet OrbExtractor::Undistort(FeatureSet features, const CameraModel& camera) const {
   const std::vector<cv::Point2f>& distorted_px = buffers_->distorted_px;
-  const std::vector<cv::Point2f> ideal_px =
-      camera.IsIdeal() ? distorted_px : camera.Undistort(distorted_px);
+  const std::vector<cv::Point2f> ideal_px = camera.IsIdeal() ? distorted_px : camera.Undistort(distorted_px);
   size_t kept = 0;
   features.pixels_px.resize(ideal_px.size());
   for (size_t i = 0; i < ideal_px.size(); ++i) {

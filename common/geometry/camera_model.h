@@ -50,8 +50,8 @@ enum class Distortion {
   kKannalaBrandt4,    ///< fisheye: theta polynomial k1 k2 k3 k4 (OpenCV's fisheye, "KB4", "equidistant")
 };
 
-/// Radial distortion that a calibration left, found while mapping: a point (x, y) on the plane z = 1 appears, once the calibration's
-/// own distortion is taken out, at (1 + k1 r^2 + k2 r^4) (x, y), with r^2 = x^2 + y^2.
+/// Radial distortion that a calibration left, found while mapping: a point (x, y) on the plane z = 1 appears, once the
+/// calibration's own distortion is taken out, at (1 + k1 r^2 + k2 r^4) (x, y), with r^2 = x^2 + y^2.
 struct RadialResidual {
   double k1 = 0, k2 = 0;
 
@@ -73,7 +73,9 @@ struct CameraResidual {
   PinholeCamera camera;
   RadialResidual residual;
 
-  friend bool operator==(const CameraResidual& a, const CameraResidual& b) { return a.camera == b.camera && a.residual == b.residual; }
+  friend bool operator==(const CameraResidual& a, const CameraResidual& b) {
+    return a.camera == b.camera && a.residual == b.residual;
+  }
 };
 
 /// A calibrated camera: a pinhole and its lens distortion.

@@ -43,8 +43,12 @@ CameraModel WithResidual(CameraModel model) {
   model.residual = {0.026, -0.012};
   return model;
 }
-CameraModel UndistortedWithResidual() { return WithResidual(Undistorted()); }
-CameraModel RadialTangentialWithResidual() { return WithResidual(RadialTangential()); }
+CameraModel UndistortedWithResidual() {
+  return WithResidual(Undistorted());
+}
+CameraModel RadialTangentialWithResidual() {
+  return WithResidual(RadialTangential());
+}
 CameraModel FisheyeWithResidual() {
   CameraModel model = Fisheye();
   model.residual = {0.004, -0.0003};  // its pixels reach far out on the plane z = 1
@@ -104,8 +108,9 @@ TEST_P(LensTest, SoundModelPassesItsCheck) {
   EXPECT_TRUE(GetParam()().Check().ok());
 }
 
-INSTANTIATE_TEST_SUITE_P(AllLenses, LensTest, testing::Values(Undistorted, RadialTangential, Fisheye, UndistortedWithResidual, RadialTangentialWithResidual,
-                                         FisheyeWithResidual));
+INSTANTIATE_TEST_SUITE_P(AllLenses, LensTest,
+                         testing::Values(Undistorted, RadialTangential, Fisheye, UndistortedWithResidual,
+                                         RadialTangentialWithResidual, FisheyeWithResidual));
 
 TEST(CameraModelTest, ResidualComesOnTopOfTheLens) {
   CameraModel model;
@@ -114,7 +119,8 @@ TEST(CameraModelTest, ResidualComesOnTopOfTheLens) {
   model.residual = {0.1, -0.05};
   EXPECT_FALSE(model.IsIdeal());
   const double radial = 1 + 0.1 * 0.25 - 0.05 * 0.0625;  // at r = 0.5
-  EXPECT_THAT(model.Distort({0.3, 0.4, 1}), VectorNear(Eigen::Vector2d(500 * 0.3 * radial + 320, 400 * 0.4 * radial + 240), 1e-9));
+  EXPECT_THAT(model.Distort({0.3, 0.4, 1}),
+              VectorNear(Eigen::Vector2d(500 * 0.3 * radial + 320, 400 * 0.4 * radial + 240), 1e-9));
 }
 
 TEST(CameraModelTest, RadialTangentialAgreesWithOpenCv) {

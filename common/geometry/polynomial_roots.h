@@ -8,8 +8,8 @@ namespace portolan {
 /// A few real numbers, without heap memory.
 class RootList {
  public:
-  static constexpr size_t kCapacity =
-      24;  // six are usual; rounding to zero at the ends of intervals can add at most as many again
+  // Six are usual; rounding to zero at the ends of intervals can add at most as many again.
+  static constexpr size_t kCapacity = 24;
   void Add(double root) { roots_[size_++] = root; }
   const double* begin() const { return roots_.data(); }
   const double* end() const { return roots_.data() + size_; }

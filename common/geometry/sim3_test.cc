@@ -140,8 +140,7 @@ TEST(ExpSim3Test, SmallTwistsMoveAPointAlongTheirGenerators) {
     const Vector7d twist = RandomTwist(&random);
     const Eigen::Vector3d p = RandomVector(&random);
     const Eigen::Vector3d numeric = (ExpSim3(step * twist) * p - ExpSim3(-step * twist) * p) / (2 * step);
-    const Eigen::Vector3d expected =
-        twist.head<3>() + Eigen::Vector3d(twist.segment<3>(3)).cross(p) + twist[6] * p;
+    const Eigen::Vector3d expected = twist.head<3>() + Eigen::Vector3d(twist.segment<3>(3)).cross(p) + twist[6] * p;
     EXPECT_THAT(numeric, VectorNear(expected, 1e-7));
   }
 }

@@ -16,8 +16,8 @@ namespace portolan {
 namespace {
 
 constexpr double kChi2 = 3.84;  // 95 % of a chi-square with 1 degree of freedom: distance from the epipolar constraint
-constexpr double kSignificance =
-    3;  // standard deviations of parallax from which on a match says what lies behind a camera
+// Standard deviations of parallax from which on a match says what lies behind a camera.
+constexpr double kSignificance = 3;
 constexpr double kRefineShare = 0.5;  // motions with less of the best one's score are not worth refining
 /// Of the points that agree with the motion, the share that must have parallax: a rotating camera shows a few by
 /// chance.
@@ -253,8 +253,8 @@ Result<TwoViewReconstruction> ReconstructByMotion(const PixelMatches& matches, c
   const int agreeing = Triangulate(CalibratedMatches(matches, first_camera, second_camera, options), &result);
   const int valid = static_cast<int>(std::count(result.valid.begin(), result.valid.end(), true));
   if (valid >= options.min_points) return result;
-  return Refused("too little parallax in a known motion, ", valid, " of ", agreeing, " points have ", options.min_parallax_deg,
-                 " deg, need ", options.min_points);
+  return Refused("too little parallax in a known motion, ", valid, " of ", agreeing, " points have ",
+                 options.min_parallax_deg, " deg, need ", options.min_points);
 }
 
 }  // namespace portolan

@@ -18,8 +18,8 @@ struct PixelMatches {
 
 struct TwoViewOptions {
   double sigma_px = 1.0;  ///< standard deviation of a feature's location
-  int ransac_iterations =
-      1000;  ///< of each model, at most: ended once a clean sample is all but certain; same samples for both
+  /// Of each model, at most: ended once a clean sample is all but certain; same samples for both.
+  int ransac_iterations = 1000;
   uint64_t seed = 1;
   double min_parallax_deg = 1.0;  ///< of a triangulated point, for it to count
   int min_points = 50;            ///< triangulated points, below it the pair is refused
@@ -66,8 +66,8 @@ struct TwoViewReconstruction {
 Result<TwoViewReconstruction> ReconstructTwoViews(const PixelMatches& matches, const PinholeCamera& first_camera,
                                                   const PinholeCamera& second_camera, const TwoViewOptions& options);
 
-/// The same by a motion that is known, up to the length of its translation: points alone. Nothing is ambiguous then, and
-/// matches that don't fit are no sign of a wrong motion; only too few points with parallax are refused.
+/// The same by a motion that is known, up to the length of its translation: points alone. Nothing is ambiguous then,
+/// and matches that don't fit are no sign of a wrong motion; only too few points with parallax are refused.
 Result<TwoViewReconstruction> ReconstructByMotion(const PixelMatches& matches, const PinholeCamera& first_camera,
                                                   const PinholeCamera& second_camera, const Rigid3d& second_from_first,
                                                   const TwoViewOptions& options);

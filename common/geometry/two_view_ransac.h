@@ -14,8 +14,8 @@
 /// Shared by the estimation of fundamental matrices and homographies; not for use elsewhere.
 namespace portolan::two_view_internal {
 
-inline constexpr double kReward =
-    5.99;  // of a perfect match and direction: 95 % of a chi-square with 2 degrees of freedom
+// Of a perfect match and direction: 95 % of a chi-square with 2 degrees of freedom.
+inline constexpr double kReward = 5.99;
 inline constexpr size_t kSampleSize = 8;       // drawn for either model, so that both see the same samples
 inline constexpr int kMaxRefits = 10;          // to the inliers of the last fit, while their score grows
 inline constexpr double kConfidence = 0.9999;  // that one sample was free of outliers, before the iterations end early

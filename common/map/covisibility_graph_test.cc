@@ -44,6 +44,29 @@ TEST(CovisibilityGraph, AgreesWithATableOfPairsThroughChanges) {
   }
 }
 
+TEST(CovisibilityGraph, ManyPointsAtOnceAreThoseOfEachPair) {
+  constexpr uint32_t kKeyFrames = 20;
+  Random random(2);
+  std::vector<KeyFrameId> keyframes;
+  for (uint32_t i = 0; i < kKeyFrames; ++i) keyframes.push_back(Key(5 + 3 * i));
+  std::vector<std::vector<uint32_t>> seen_by(100);
+  CovisibilityGraph by_pair;
+  for (std::vector<uint32_t>& places : seen_by) {
+    const auto first = static_cast<uint32_t>(random.Below(kKeyFrames - 1));  // the last keyframe sees nothing
+    for (uint32_t i = first; i < kKeyFrames - 1 && places.size() < random.Below(8); ++i) places.push_back(i);
+    for (size_t i = 0; i < places.size(); ++i) {
+      for (size_t j = 0; j < i; ++j) by_pair.Add(keyframes[places[i]], keyframes[places[j]]);
+    }
+  }
+  CovisibilityGraph at_once;
+  EXPECT_TRUE(at_once.IsEmpty());
+  at_once.Fill(keyframes, seen_by);
+  EXPECT_FALSE(at_once.IsEmpty());
+  for (const KeyFrameId id : keyframes) EXPECT_EQ(at_once.Of(id), by_pair.Of(id)) << id;
+  EXPECT_THAT(at_once.Of(keyframes.back()), IsEmpty());
+  EXPECT_THROW(at_once.Fill(keyframes, seen_by), CheckFailure);
+}
+
 TEST(CovisibilityGraph, NeighboursComeById) {
   CovisibilityGraph covisibility;
   for (const uint64_t i : {3, 1, 4, 1}) covisibility.Add(Key(2), Key(i));

@@ -38,10 +38,10 @@ class DeltaChecker {
       : map_(map), delta_(delta), find_data_(find_data) {}
 
   Status Check() {
-    for (const auto step :
-         {&DeltaChecker::CheckRemovedIds, &DeltaChecker::CheckKeyFrames, &DeltaChecker::CheckPoints,
-          &DeltaChecker::CheckHeirs, &DeltaChecker::CheckRoots, &DeltaChecker::CheckParents,
-          &DeltaChecker::CheckResiduals, &DeltaChecker::SortObservations, &DeltaChecker::CheckObservations, &DeltaChecker::CheckCounts}) {
+    for (const auto step : {&DeltaChecker::CheckRemovedIds, &DeltaChecker::CheckKeyFrames, &DeltaChecker::CheckPoints,
+                            &DeltaChecker::CheckHeirs, &DeltaChecker::CheckRoots, &DeltaChecker::CheckParents,
+                            &DeltaChecker::CheckResiduals, &DeltaChecker::SortObservations,
+                            &DeltaChecker::CheckObservations, &DeltaChecker::CheckCounts}) {
       if (Status status = (this->*step)(); !status) return status;
     }
     return Ok{};

@@ -8,7 +8,8 @@
 
 namespace portolan {
 
-/// What a process has of a map, in figures: when the map passes from one process to another, both say it and it is compared.
+/// What a process has of a map, in figures: when the map passes from one process to another, both say it and it is
+/// compared.
 struct HeldMap {
   MapId map;
   Epoch epoch = 0;

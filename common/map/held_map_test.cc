@@ -28,8 +28,8 @@ TEST(HeldMap, OwnerAndRevisionAreNoContentAndAllElseIs) {
   other.epoch = 9;
   other.revision = 10;
   EXPECT_TRUE(HasSameContent(held, other));
-  for (const HeldMap& differs : {HeldMap{MapId(0, 1, 2), 1, 2, 3, 4, 5}, HeldMap{held.map, 1, 2, 2, 4, 5}, HeldMap{held.map, 1, 2, 3, 3, 5},
-                                 HeldMap{held.map, 1, 2, 3, 4, 6}}) {
+  for (const HeldMap& differs : {HeldMap{MapId(0, 1, 2), 1, 2, 3, 4, 5}, HeldMap{held.map, 1, 2, 2, 4, 5},
+                                 HeldMap{held.map, 1, 2, 3, 3, 5}, HeldMap{held.map, 1, 2, 3, 4, 6}}) {
     EXPECT_FALSE(HasSameContent(held, differs)) << ToText(differs);
   }
 }

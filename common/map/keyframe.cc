@@ -31,7 +31,8 @@ std::shared_ptr<const KeyFrameData> WithoutAppearance(const KeyFrameData& data) 
   return std::make_shared<const KeyFrameData>(std::move(bare));
 }
 
-std::shared_ptr<const KeyFrameData> WithResidual(const std::shared_ptr<const KeyFrameData>& data, const RadialResidual& residual) {
+std::shared_ptr<const KeyFrameData> WithResidual(const std::shared_ptr<const KeyFrameData>& data,
+                                                 const RadialResidual& residual) {
   if (data->residual == residual) return data;
   KeyFrameData changed = *data;
   changed.residual = residual;
@@ -47,11 +48,13 @@ std::shared_ptr<const KeyFrameData> WithResidual(const std::shared_ptr<const Key
   const std::vector<cv::Point2f> ideal = new_lens.Undistort(seen);
   const auto right = static_cast<float>(data->camera.width - 1), bottom = static_cast<float>(data->camera.height - 1);
   for (size_t i = 0; i < ideal.size(); ++i) {
-    if (!std::isfinite(ideal[i].x) || !std::isfinite(ideal[i].y)) continue;  // beyond what the residual can say: left as it is
+    // Beyond what the residual can say: left as it is.
+    if (!std::isfinite(ideal[i].x) || !std::isfinite(ideal[i].y)) continue;
     changed.features.pixels_px[i] = {std::clamp(ideal[i].x, 0.0f, right), std::clamp(ideal[i].y, 0.0f, bottom)};
   }
   QuantizeFeatures(&changed.features, changed.camera);
-  if (changed.features.HasAppearance()) changed.grid = FeatureGrid(changed.features, changed.camera.width, changed.camera.height);
+  if (changed.features.HasAppearance())
+    changed.grid = FeatureGrid(changed.features, changed.camera.width, changed.camera.height);
   return std::make_shared<const KeyFrameData>(std::move(changed));
 }
 

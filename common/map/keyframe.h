@@ -16,14 +16,14 @@
 
 namespace portolan {
 
-/// What a keyframe saw. Never changes after it is made: published once, shared by every replica. In a map whose camera's residual became
-/// known later it is replaced by WithResidual(), in every replica alike (within a step of the wire where one missed an earlier
-/// residual: locations are rounded each time).
+/// What a keyframe saw. Never changes after it is made: published once, shared by every replica. In a map whose
+/// camera's residual became known later it is replaced by WithResidual(), in every replica alike (within a step of the
+/// wire where one missed an earlier residual: locations are rounded each time).
 struct KeyFrameData {
   KeyFrameId id;
-  Timestamp stamp;        ///< of the image, camera's clock
-  uint64_t frame = 0;     ///< number of the image in its source, from 0
-  PinholeCamera camera;   ///< the ideal camera of the undistorted features
+  Timestamp stamp;          ///< of the image, camera's clock
+  uint64_t frame = 0;       ///< number of the image in its source, from 0
+  PinholeCamera camera;     ///< the ideal camera of the undistorted features
   RadialResidual residual;  ///< of the calibration, that was taken out of the features, too
   ScalePyramid pyramid;
   FeatureSet features;
@@ -34,7 +34,8 @@ struct KeyFrameData {
   NodeFeatures nodes;  ///< direct index
 };
 
-/// Level above the leaves of the direct index (paper Sec. 2: "same node at a medium level"): with L = 5, k = 10 about 1000 nodes.
+/// Level above the leaves of the direct index (paper Sec. 2: "same node at a medium level"): with L = 5, k = 10 about
+/// 1000 nodes.
 constexpr int kDirectIndexLevel = 2;
 
 /// Fills in grid, bow and nodes. @param vocabulary may be null: bow and nodes stay empty (tests of geometry alone).
@@ -45,19 +46,21 @@ inline std::shared_ptr<const BowVector> WordsOf(const std::shared_ptr<const KeyF
   return {data, &data->bow};
 }
 
-/// The data without orientations and descriptors, four fifths of its bytes, and without what is derived: enough to follow
-/// the map it is in and to know its points' distances, for a replica that matches nothing.
+/// The data without orientations and descriptors, four fifths of its bytes, and without what is derived: enough to
+/// follow the map it is in and to know its points' distances, for a replica that matches nothing.
 std::shared_ptr<const KeyFrameData> WithoutAppearance(const KeyFrameData& data);
 
-/// The keyframe as it is once `residual` is taken out of its features in place of its own: the data itself if that is its own. What comes to lie
-/// outside the image moves to its edge. Locations are steps of the wire again (feature_quantization.h). Deterministic.
-std::shared_ptr<const KeyFrameData> WithResidual(const std::shared_ptr<const KeyFrameData>& data, const RadialResidual& residual);
+/// The keyframe as it is once `residual` is taken out of its features in place of its own: the data itself if that is
+/// its own. What comes to lie outside the image moves to its edge. Locations are steps of the wire again
+/// (feature_quantization.h). Deterministic.
+std::shared_ptr<const KeyFrameData> WithResidual(const std::shared_ptr<const KeyFrameData>& data,
+                                                 const RadialResidual& residual);
 
 /// A keyframe in a map: shared data and small changing state.
 struct KeyFrame {
   std::shared_ptr<const KeyFrameData> data;
   Rigid3d camera_from_map;
-  KeyFrameId parent;  ///< in the spanning tree; none for the map's first keyframe
+  KeyFrameId parent;            ///< in the spanning tree; none for the map's first keyframe
   KeyFrameLandmarks landmarks;  ///< mirrors the points' observations
 };
 

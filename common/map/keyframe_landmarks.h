@@ -19,8 +19,8 @@ class KeyFrameLandmarks {
   /// Of the keyframe, landmarks or not.
   size_t num_features() const { return num_features_; }
 
-  /// @param feature below num_features(). Time grows with the logarithm of the number of landmarks: loops over all features
-  /// are faster on ByFeature().
+  /// @param feature below num_features(). Time grows with the logarithm of the number of landmarks: loops over all
+  /// features are faster on ByFeature().
   MapPointId operator[](size_t feature) const;
   /// Makes the feature this landmark, or none.
   void Set(size_t feature, MapPointId landmark);

@@ -24,7 +24,8 @@ std::shared_ptr<const KeyFrameData> MakeData(uint32_t number, const PinholeCamer
   data.id = KeyFrameId(0, 1, number);
   data.camera = camera;
   for (int i = 0; i < 200; ++i) {
-    data.features.pixels_px.emplace_back(static_cast<float>(random.Uniform(0, 639)), static_cast<float>(random.Uniform(0, 479)));
+    data.features.pixels_px.emplace_back(static_cast<float>(random.Uniform(0, 639)),
+                                         static_cast<float>(random.Uniform(0, 479)));
     data.features.octaves.push_back(static_cast<uint8_t>(random.Below(8)));
     data.features.angles_rad.push_back(static_cast<float>(random.Uniform(0, 6)));
     data.features.descriptors.push_back(Descriptor{random.Next(), random.Next(), random.Next(), random.Next()});
@@ -47,7 +48,8 @@ TEST(KeyFrameResidual, IsTakenOutOfTheFeatures) {
     const Eigen::Vector2d was = data->features.pixels_px[i].cast<double>();
     const Eigen::Vector2f now = changed->features.pixels_px[i];
     const bool is_at_the_edge = now.x() == 0 || now.y() == 0 || now.x() == 639 || now.y() == 479;
-    EXPECT_TRUE(is_at_the_edge || (back - was).norm() < kStep) << was.transpose() << " came back as " << back.transpose();
+    EXPECT_TRUE(is_at_the_edge || (back - was).norm() < kStep)
+        << was.transpose() << " came back as " << back.transpose();
   }
   FeatureSet rounded = changed->features;
   QuantizeFeatures(&rounded, kCamera);
@@ -167,7 +169,8 @@ TEST_F(MapResidual, OutOfRangeIsRefused) {
     delta.revision += 1;
     delta.residuals = {{kCamera, {0, wrong}}};
     Map copy = replica_.map();
-    const Status applied = copy.Apply(delta, [](KeyFrameId id) { return MakeData(static_cast<uint32_t>(id.value & 0xffff)); });
+    const Status applied =
+        copy.Apply(delta, [](KeyFrameId id) { return MakeData(static_cast<uint32_t>(id.value & 0xffff)); });
     ASSERT_FALSE(applied.ok());
     EXPECT_THAT(applied.error().message, testing::HasSubstr("residual"));
   }
@@ -191,7 +194,8 @@ TEST_F(MapResidual, DataOfAnotherMapBecomesThisOnes) {
   other.AddKeyFrameData(MakeData(4));
   owner_.AddKeyFrame(MakeData(4), Rigid3d(), KeyFrameId(0, 1, 1));
   replica_.AddDelta(owner_.TakeDelta());
-  ASSERT_EQ(replica_.ApplyPending([&](KeyFrameId id) { return other.FindKeyFrameData(id); }).size(), 1u) << replica_.last_problem();
+  ASSERT_EQ(replica_.ApplyPending([&](KeyFrameId id) { return other.FindKeyFrameData(id); }).size(), 1u)
+      << replica_.last_problem();
   const auto data = replica_.map().keyframe(KeyFrameId(0, 1, 4)).data;
   EXPECT_EQ(data->residual, kLens);
   EXPECT_EQ(data->features.pixels_px, owner_.keyframe(KeyFrameId(0, 1, 4)).data->features.pixels_px);

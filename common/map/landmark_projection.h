@@ -13,8 +13,8 @@ namespace portolan {
 /// Where and how large a landmark should appear in an image.
 struct PredictedFeature {
   Eigen::Vector2d pixel_px;
-  double distance = 0;  ///< camera centre to landmark, map units
-  int octave = 0;       ///< pyramid level at which it should be detected
+  double distance = 0;        ///< camera centre to landmark, map units
+  int octave = 0;             ///< pyramid level at which it should be detected
   double viewing_cosine = 0;  ///< of the angle to the landmark's mean viewing direction
 };
 
@@ -24,8 +24,8 @@ class LandmarkProjection {
   LandmarkProjection(const PinholeCamera& camera, const ScalePyramid& pyramid, const Rigid3d& camera_from_map);
 
   /// @return nothing when the landmark is behind the camera, outside the image, out of the range of distances at which
-  /// it can be detected, or seen from more than 60 degrees off its mean viewing direction. Its derived fields must be up
-  /// to date.
+  /// it can be detected, or seen from more than 60 degrees off its mean viewing direction. Its derived fields must be
+  /// up to date.
   std::optional<PredictedFeature> Predict(const MapPoint& point) const;
 
   const Eigen::Matrix3d& rotation() const { return rotation_; }  ///< of camera_from_map

@@ -79,7 +79,8 @@ void Map::SetResidual(const PinholeCamera& camera, const RadialResidual& residua
   residuals.erase(std::remove_if(residuals.begin(), residuals.end(), is_of), residuals.end());
   residuals.push_back({camera, residual});
   TakeResiduals(std::move(residuals));
-  for (const auto& [id, keyframe] : keyframes_) changes_.keyframes.insert(id);  // a change without elements would be no delta
+  // A change without elements would be no delta.
+  for (const auto& [id, keyframe] : keyframes_) changes_.keyframes.insert(id);
 }
 
 void Map::TakeResiduals(std::vector<CameraResidual> residuals) {
@@ -171,7 +172,8 @@ void Map::MergePoints(MapPointId from, MapPointId into) {
 bool Map::AddObservation(MapPointId point_id, KeyFrameId keyframe_id, uint32_t feature) {
   MapPoint& point = MutablePoint(point_id);
   KeyFrame& keyframe = MutableKeyFrame(keyframe_id);
-  PORTOLAN_CHECK(feature < keyframe.landmarks.num_features()) << "feature " << feature << " of keyframe " << keyframe_id;
+  PORTOLAN_CHECK(feature < keyframe.landmarks.num_features())
+      << "feature " << feature << " of keyframe " << keyframe_id;
   if (keyframe.landmarks[feature].IsValid() || point.FindObservation(keyframe_id) != nullptr) return false;
   LinkObservation(&point, keyframe_id, feature);
   changes_.observations[{point_id, keyframe_id}] = static_cast<int32_t>(feature);
@@ -188,6 +190,11 @@ void Map::RemoveObservation(MapPointId point_id, KeyFrameId keyframe_id) {
 
 void Map::LinkObservation(MapPoint* point, KeyFrameId keyframe, uint32_t feature) {
   for (const Observation& o : point->observations) covisibility_.Add(keyframe, o.keyframe);
+  PutObservation(point, keyframe, feature);
+}
+
+/// Without the keyframe's neighbours.
+void Map::PutObservation(MapPoint* point, KeyFrameId keyframe, uint32_t feature) {
   point->observations.insert(LowerBound(point->observations, keyframe), Observation{keyframe, feature});
   MutableKeyFrame(keyframe).landmarks.Set(feature, point->id);
   MarkStale(point, kGeometryStale | kDescriptorStale);
@@ -210,16 +217,13 @@ int Map::Covisibility(KeyFrameId a, KeyFrameId b) const {
 }
 
 std::vector<std::pair<KeyFrameId, int>> Map::CovisibleKeyFrames(KeyFrameId id, int min_common, size_t most) const {
-  std::vector<std::pair<KeyFrameId, int>> result;
-  for (const auto& neighbour : covisibility_.Of(id)) {
-    if (neighbour.second >= min_common) result.push_back(neighbour);
-  }
-  const size_t kept = most > 0 ? std::min(most, result.size()) : result.size();
-  std::partial_sort(result.begin(), result.begin() + static_cast<ptrdiff_t>(kept), result.end(), [](const auto& a, const auto& b) {
-    return a.second != b.second ? a.second > b.second : a.first < b.first;
-  });
-  result.resize(kept);
-  return result;
+  const CovisibilityGraph::Neighbours& neighbours = covisibility_.Of(id);
+  std::vector<std::pair<KeyFrameId, int>> best(most > 0 ? std::min(most, neighbours.size()) : neighbours.size());
+  std::partial_sort_copy(
+      neighbours.begin(), neighbours.end(), best.begin(), best.end(),
+      [](const auto& a, const auto& b) { return a.second != b.second ? a.second > b.second : a.first < b.first; });
+  while (!best.empty() && best.back().second < min_common) best.pop_back();
+  return best;
 }
 
 std::vector<KeyFrameId> Map::Children(KeyFrameId id) const {

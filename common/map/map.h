@@ -52,10 +52,11 @@ class Map {
   const MapPoint& point(MapPointId id) const;
 
   // Changes by the owner. Ids given must exist unless said otherwise.
-  /// Its features are taken as they are without the residual that is known of its camera, whatever the data had taken out (WithResidual).
+  /// Its features are taken as they are without the residual that is known of its camera, whatever the data had taken
+  /// out (WithResidual).
   void AddKeyFrame(std::shared_ptr<const KeyFrameData> data, const Rigid3d& camera_from_map, KeyFrameId parent);
-  /// What a camera's calibration left, found later than its first keyframes were made: the data of all its keyframes is replaced by what it is
-  /// without it, here and, with the next delta, in every replica. Poses and positions stay.
+  /// What a camera's calibration left, found later than its first keyframes were made: the data of all its keyframes is
+  /// replaced by what it is without it, here and, with the next delta, in every replica. Poses and positions stay.
   void SetResidual(const PinholeCamera& camera, const RadialResidual& residual);
   void SetPose(KeyFrameId id, const Rigid3d& camera_from_map);
   void SetParent(KeyFrameId id, KeyFrameId parent);
@@ -89,8 +90,9 @@ class Map {
   /// older epoch or (unless it is a snapshot) a newer one, missing keyframe data, or what CheckDelta (delta_check.h)
   /// finds. A valid map stays valid, whatever comes.
   Status Apply(const MapDelta& delta, const FindData& find_data);
-  /// Goes on without a keyframe's orientations and descriptors (WithoutAppearance), or with them again. Its points keep the
-  /// descriptors they have, also through a snapshot; points that have none get them from keyframes that have theirs.
+  /// Goes on without a keyframe's orientations and descriptors (WithoutAppearance), or with them again. Its points keep
+  /// the descriptors they have, also through a snapshot; points that have none get them from keyframes that have
+  /// theirs.
   void ReplaceData(KeyFrameId id, std::shared_ptr<const KeyFrameData> data);
 
   // Covisibility: keyframes that see common points, by number of common points (paper Sec. 4: the pose graph's weight).
@@ -116,6 +118,7 @@ class Map {
   MapPoint& MutablePoint(MapPointId id);
   void ErasePoint(MapPointId id, MapPointId replaced_by);
   void LinkObservation(MapPoint* point, KeyFrameId keyframe, uint32_t feature);
+  void PutObservation(MapPoint* point, KeyFrameId keyframe, uint32_t feature);
   void UnlinkObservation(MapPoint* point, size_t index);
   void UnlinkAll(MapPoint* point);
   void TakeResiduals(std::vector<CameraResidual> residuals);
@@ -126,6 +129,7 @@ class Map {
   void ApplyRemovals(const MapDelta& delta);
   void TakeMissingDescriptors(const Map& from);
   void ApplyObservations(const MapDelta& delta);
+  void FillCovisibility();
   static constexpr uint8_t kGeometryStale = 1, kDescriptorStale = 2;
   void MarkStale(MapPoint* point, uint8_t what);
 

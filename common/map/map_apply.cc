@@ -109,12 +109,14 @@ Status Map::Apply(const MapDelta& delta, const FindData& find_data) {
 
 void Map::ReplaceData(KeyFrameId id, std::shared_ptr<const KeyFrameData> data) {
   KeyFrame& keyframe = MutableKeyFrame(id);
-  PORTOLAN_CHECK(data->id == id && data->features.size() == keyframe.landmarks.num_features()) << "data of " << data->id;
+  PORTOLAN_CHECK(data->id == id && data->features.size() == keyframe.landmarks.num_features())
+      << "data of " << data->id;
   keyframe.data = WithKnownResidual(std::move(data));
   if (!keyframe.data->features.HasAppearance()) return;
   for (const MapPointId landmark : keyframe.landmarks) {
     MapPoint& point = points_.at(landmark);
-    if (point.descriptor == Descriptor()) point.descriptor = keyframe.data->features.descriptors[point.FindObservation(id)->feature];
+    if (point.descriptor == Descriptor())
+      point.descriptor = keyframe.data->features.descriptors[point.FindObservation(id)->feature];
   }
 }
 
@@ -138,8 +140,8 @@ void Map::ApplyChecked(const MapDelta& delta, const FindData& find_data) {
     MapPoint& point = points_[state.id];
     point.id = state.id;
     if (point.position_in_map != state.position_in_map) MarkStale(&point, kGeometryStale);
-    point.position_in_map =
-        state.position_in_map;  // also where only the sign of a zero differs: replicas are equal to the bit
+    // Also where only the sign of a zero differs: replicas are equal to the bit.
+    point.position_in_map = state.position_in_map;
   }
   ApplyObservations(delta);
   RefreshDerived();
@@ -173,11 +175,33 @@ void Map::ApplyObservations(const MapDelta& delta) {
     if (seen == nullptr || static_cast<int64_t>(seen->feature) == o.feature) continue;
     UnlinkObservation(&point, static_cast<size_t>(seen - point.observations.data()));
   }
+  // A whole map's neighbours are counted at once, at its end: pair by pair that takes seconds for a thousand keyframes.
+  const bool is_whole = covisibility_.IsEmpty();
   for (const auto& o : delta.observations) {
     MapPoint& point = points_.at(o.point);
     if (o.feature < 0 || point.FindObservation(o.keyframe) != nullptr) continue;
-    LinkObservation(&point, o.keyframe, static_cast<uint32_t>(o.feature));
+    if (is_whole)
+      PutObservation(&point, o.keyframe, static_cast<uint32_t>(o.feature));
+    else
+      LinkObservation(&point, o.keyframe, static_cast<uint32_t>(o.feature));
   }
+  if (is_whole) FillCovisibility();
+}
+
+void Map::FillCovisibility() {
+  std::vector<KeyFrameId> ids;
+  std::unordered_map<KeyFrameId, uint32_t> places;
+  for (const auto& [id, keyframe] : keyframes_) {
+    places.emplace(id, static_cast<uint32_t>(ids.size()));
+    ids.push_back(id);
+  }
+  std::vector<std::vector<uint32_t>> seen_by;
+  seen_by.reserve(points_.size());
+  for (const auto& [id, point] : points_) {
+    std::vector<uint32_t>& keyframes = seen_by.emplace_back();
+    for (const Observation& o : point.observations) keyframes.push_back(places.at(o.keyframe));
+  }
+  covisibility_.Fill(ids, seen_by);
 }
 
 }  // namespace portolan

@@ -13,7 +13,8 @@ uint64_t HashMap(const Map& map) {
   Hasher hasher;
   hasher.Add(map.id().value);
   for (const CameraResidual& known : map.residuals()) {
-    for (const double value : {known.camera.fx, known.camera.fy, known.camera.cx, known.camera.cy, known.residual.k1, known.residual.k2}) {
+    for (const double value :
+         {known.camera.fx, known.camera.fy, known.camera.cx, known.camera.cy, known.residual.k1, known.residual.k2}) {
       hasher.AddBytes(&value, sizeof value);
     }
   }
@@ -47,7 +48,8 @@ std::vector<std::string> ValidateMap(const Map& map) {
       violated(name + " has a pose that is not a finite rigid motion");
     }
     if (!keyframe.parent.IsValid()) ++roots;
-    if (keyframe.parent.IsValid() && map.FindKeyFrame(keyframe.parent) == nullptr) violated(name + " has an unknown parent");
+    if (keyframe.parent.IsValid() && map.FindKeyFrame(keyframe.parent) == nullptr)
+      violated(name + " has an unknown parent");
     KeyFrameId ancestor = keyframe.parent;
     for (size_t steps = 0; ancestor.IsValid() && map.FindKeyFrame(ancestor) != nullptr; ++steps) {
       if (steps > map.keyframes().size()) {
@@ -75,9 +77,11 @@ std::vector<std::string> ValidateMap(const Map& map) {
     if (point.observations.size() < 2) violated(name + " is seen by fewer than two keyframes");
     for (size_t i = 0; i < point.observations.size(); ++i) {
       const Observation& o = point.observations[i];
-      if (i > 0 && !(point.observations[i - 1].keyframe < o.keyframe)) violated(name + " has observations out of order");
+      if (i > 0 && !(point.observations[i - 1].keyframe < o.keyframe))
+        violated(name + " has observations out of order");
       const KeyFrame* keyframe = map.FindKeyFrame(o.keyframe);
-      if (keyframe == nullptr || o.feature >= keyframe->landmarks.num_features() || keyframe->landmarks[o.feature] != id) {
+      if (keyframe == nullptr || o.feature >= keyframe->landmarks.num_features() ||
+          keyframe->landmarks[o.feature] != id) {
         violated(name + " is seen by " + ToString(o.keyframe) + " that does not know of it");
       }
     }

@@ -50,7 +50,8 @@ MapDelta Join(MapDelta header, std::map<uint32_t, MapDelta> parts) {
 /// Fills chunks one after another with elements of the delta's lists.
 class Splitter {
  public:
-  Splitter(const MapDelta& delta, size_t max_elements) : header_(HeaderOf(delta)), room_(max_elements), max_(max_elements) {
+  Splitter(const MapDelta& delta, size_t max_elements)
+      : header_(HeaderOf(delta)), room_(max_elements), max_(max_elements) {
     chunks_.emplace_back().part = header_;
   }
 

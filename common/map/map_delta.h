@@ -17,8 +17,8 @@ using Epoch = uint64_t;
 /// Number of a state of a map within an epoch, rising by one with each delta; 0 is the empty map.
 using Revision = uint64_t;
 
-/// A change of a map as whole values of what changed: applying one twice does no harm. A snapshot is a delta from revision 0.
-/// Applied in this order: removals of points, removals of keyframes, keyframes, points, observations.
+/// A change of a map as whole values of what changed: applying one twice does no harm. A snapshot is a delta from
+/// revision 0. Applied in this order: removals of points, removals of keyframes, keyframes, points, observations.
 struct MapDelta {
   struct KeyFrameState {
     KeyFrameId id;
@@ -58,7 +58,8 @@ struct MapDelta {
 
   bool IsSnapshot() const { return base_revision == 0; }
   bool IsEmpty() const {
-    return removed_points.empty() && removed_keyframes.empty() && keyframes.empty() && points.empty() && observations.empty();
+    return removed_points.empty() && removed_keyframes.empty() && keyframes.empty() && points.empty() &&
+           observations.empty();
   }
 };
 

@@ -267,7 +267,8 @@ Result<MapDelta> DecodeSnapshot(std::string_view bytes) {
   for (CameraResidual& known : snapshot.residuals) {
     known.camera = ReadCamera(&reader);
     known.residual = ReadResidual(&reader);
-    if (!IsSound(known.camera) || !IsSound(known.residual)) return Error{what + " of " + ToString(snapshot.map) + ": a camera's residual is out of range"};
+    if (!IsSound(known.camera) || !IsSound(known.residual))
+      return Error{what + " of " + ToString(snapshot.map) + ": a camera's residual is out of range"};
   }
   const std::string wrong = ReadLists(&reader, &snapshot);
   if (!wrong.empty()) return Error{what + " of " + ToString(snapshot.map) + ": " + wrong};

@@ -129,7 +129,9 @@ TEST(MapIo, NamesWhatIsWrong) {
   for (const char form : {'\1', '\3'}) {
     std::string other = bytes;
     other[4] = form;
-    EXPECT_NE(MessageOf(DecodeKeyFrameData(Reseal(other))).find("form " + std::to_string(form) + ", this program reads form 2"), std::string::npos);
+    EXPECT_NE(MessageOf(DecodeKeyFrameData(Reseal(other)))
+                  .find("form " + std::to_string(form) + ", this program reads form 2"),
+              std::string::npos);
     std::string state = EncodeSnapshot(example.snapshot);
     state[4] = form;
     EXPECT_NE(MessageOf(DecodeSnapshot(Reseal(state))).find("form " + std::to_string(form)), std::string::npos);

@@ -52,7 +52,8 @@ void ReplicaSet::Forget(MapId map) {
 
 void ReplicaSet::Remove(MapId map) {
   Epoch& epoch = removed_[map];
-  if (const auto replica = replicas_.find(map); replica != replicas_.end()) epoch = std::max(epoch, replica->second.map().epoch());
+  if (const auto replica = replicas_.find(map); replica != replicas_.end())
+    epoch = std::max(epoch, replica->second.map().epoch());
   if (const auto watch = watches_.find(map); watch != watches_.end()) epoch = std::max(epoch, watch->second.epoch);
   Forget(map);
 }

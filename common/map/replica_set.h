@@ -21,7 +21,9 @@ class ReplicaSet {
   void AddKeyFrameData(MapId map, std::shared_ptr<const KeyFrameData> data);
   /// See MapReplica. Of a map that is known.
   void DropAppearance(MapId map, KeyFrameId keyframe) { replicas_.at(map).DropAppearance(keyframe); }
-  void RestoreAppearance(MapId map, std::shared_ptr<const KeyFrameData> data) { replicas_.at(map).RestoreAppearance(std::move(data)); }
+  void RestoreAppearance(MapId map, std::shared_ptr<const KeyFrameData> data) {
+    replicas_.at(map).RestoreAppearance(std::move(data));
+  }
   /// A whole delta, as from a store.
   void AddDelta(MapDelta delta);
   void AddChunk(MapDeltaChunk chunk);
@@ -36,8 +38,8 @@ class ReplicaSet {
   std::optional<MapReplica> Take(MapId map);
   /// Forgets a map that is of no interest any more; what comes of it later is followed again.
   void Forget(MapId map);
-  /// Forgets a map that is no more: what still comes of it is ignored, up to the last epoch that was heard of here. Does
-  /// no harm to an unknown one.
+  /// Forgets a map that is no more: what still comes of it is ignored, up to the last epoch that was heard of here.
+  /// Does no harm to an unknown one.
   void Remove(MapId map);
   /// The same for a map that was taken into another: its keyframe data passes on, for the delta that will name it.
   void Remove(MapId map, MapId taken_into);

@@ -153,14 +153,17 @@ TEST_F(ReplicaSetTest, AMapFindsKeyFramesThatCameFromAnother) {
   set_.AddDelta(b_.Snapshot());
   EXPECT_EQ(set_.ApplyPending().size(), 2u);
 
-  for (const auto& [id, keyframe] : b_.keyframes()) a_.AddKeyFrame(keyframe.data, keyframe.camera_from_map, KeyFrameId());
-  for (const auto& [id, keyframe] : b_.keyframes()) a_.SetParent(id, keyframe.parent.IsValid() ? keyframe.parent : own->id);
+  for (const auto& [id, keyframe] : b_.keyframes())
+    a_.AddKeyFrame(keyframe.data, keyframe.camera_from_map, KeyFrameId());
+  for (const auto& [id, keyframe] : b_.keyframes())
+    a_.SetParent(id, keyframe.parent.IsValid() ? keyframe.parent : own->id);
   set_.AddDelta(a_.TakeDelta());
   EXPECT_EQ(set_.ApplyPending().size(), 1u);
   ExpectEqual(a_);
   set_.Remove(b_.id());
   EXPECT_EQ(set_.replicas().count(b_.id()), 0u);
-  for (const auto& [id, keyframe] : b_.keyframes()) EXPECT_EQ(set_.replicas().at(a_.id()).FindKeyFrameData(id), keyframe.data);
+  for (const auto& [id, keyframe] : b_.keyframes())
+    EXPECT_EQ(set_.replicas().at(a_.id()).FindKeyFrameData(id), keyframe.data);
 }
 
 TEST_F(ReplicaSetTest, DataOfAMapTakenInPassesOnBeforeTheDeltaThatNamesIt) {
@@ -169,7 +172,8 @@ TEST_F(ReplicaSetTest, DataOfAMapTakenInPassesOnBeforeTheDeltaThatNamesIt) {
   set_.AddDelta(b_.TakeDelta());
   set_.ApplyPending();
   set_.Remove(b_.id(), a_.id());
-  for (const auto& [id, keyframe] : b_.keyframes()) EXPECT_EQ(set_.replicas().at(a_.id()).FindKeyFrameData(id), keyframe.data);
+  for (const auto& [id, keyframe] : b_.keyframes())
+    EXPECT_EQ(set_.replicas().at(a_.id()).FindKeyFrameData(id), keyframe.data);
   set_.Remove(a_.id(), b_.id());  // into an unknown one: all is forgotten
   EXPECT_TRUE(set_.replicas().empty());
 }

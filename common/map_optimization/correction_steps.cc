@@ -64,7 +64,8 @@ const CorrectedKeyFrame& NearestObserver(const CorrectedKeyFrames& corrected, co
 }
 
 std::vector<std::pair<MapPointId, Eigen::Vector3f>> CorrectPoints(const MapCorrection& correction, const Map& map,
-                                                                  const CorrectedKeyFrames& corrected, const Sim3d& new_from_old) {
+                                                                  const CorrectedKeyFrames& corrected,
+                                                                  const Sim3d& new_from_old) {
   std::unordered_map<MapPointId, Eigen::Vector3f> given;
   for (const auto& point : correction.points) given.emplace(point.id, point.position_in_map);
   std::vector<std::pair<MapPointId, Eigen::Vector3f>> moved;
@@ -73,7 +74,8 @@ std::vector<std::pair<MapPointId, Eigen::Vector3f>> CorrectPoints(const MapCorre
     const auto found = given.find(id);
     const Sim3d& motion = point.observations.empty() ? new_from_old : NearestObserver(corrected, point).new_from_old;
     const Eigen::Vector3f position =
-        found != given.end() ? found->second : Eigen::Vector3f((motion * point.position_in_map.cast<double>()).cast<float>());
+        found != given.end() ? found->second
+                             : Eigen::Vector3f((motion * point.position_in_map.cast<double>()).cast<float>());
     if (position.allFinite()) moved.emplace_back(id, position);
   }
   std::sort(moved.begin(), moved.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
@@ -83,7 +85,8 @@ std::vector<std::pair<MapPointId, Eigen::Vector3f>> CorrectPoints(const MapCorre
 }  // namespace
 
 std::string NameOf(const MapCorrection& correction) {
-  return "correction " + std::to_string(correction.number) + " (" + correction.kind + ") of " + ToString(correction.map);
+  return "correction " + std::to_string(correction.number) + " (" + correction.kind + ") of " +
+         ToString(correction.map);
 }
 
 bool IsSimilarity(const Sim3d& s) {
@@ -107,7 +110,8 @@ Status CheckCorrection(const MapCorrection& correction, const Map& map) {
                  std::to_string(keyframe.camera_from_map.scale)};
   }
   for (const auto& point : correction.points) {
-    if (!IsSoundPosition(point.position_in_map)) return Error{name + ": point " + ToString(point.id) + " is not finite, or beyond any map"};
+    if (!IsSoundPosition(point.position_in_map))
+      return Error{name + ": point " + ToString(point.id) + " is not finite, or beyond any map"};
   }
   return Ok{};
 }
@@ -115,20 +119,24 @@ Status CheckCorrection(const MapCorrection& correction, const Map& map) {
 MovedMap MoveMap(const MapCorrection& correction, const Map& map, const Sim3d& new_from_old) {
   const CorrectedKeyFrames corrected = CorrectKeyFrames(correction, map, new_from_old);
   MovedMap moved;
-  for (const auto& [id, keyframe] : map.keyframes()) moved.poses.emplace_back(id, MakeRigid(corrected.at(id).camera_from_map));
+  for (const auto& [id, keyframe] : map.keyframes())
+    moved.poses.emplace_back(id, MakeRigid(corrected.at(id).camera_from_map));
   moved.points = CorrectPoints(correction, map, corrected, new_from_old);
   return moved;
 }
 
 Status CheckMoved(const MapCorrection& correction, const MovedMap& moved) {
   for (const auto& [id, camera_from_map] : moved.poses) {
-    if (!IsSoundPose(camera_from_map)) return Error{NameOf(correction) + ": keyframe " + ToString(id) + " would come to lie beyond any map"};
+    if (!IsSoundPose(camera_from_map))
+      return Error{NameOf(correction) + ": keyframe " + ToString(id) + " would come to lie beyond any map"};
   }
   for (const auto& [id, position] : moved.points) {
-    if (!IsSoundPosition(position)) return Error{NameOf(correction) + ": point " + ToString(id) + " would come to lie beyond any map"};
+    if (!IsSoundPosition(position))
+      return Error{NameOf(correction) + ": point " + ToString(id) + " would come to lie beyond any map"};
   }
   for (const auto& [id, position] : correction.points) {  // of a fusion some are landmarks of the map that stays
-    if (!IsSoundPosition(position)) return Error{NameOf(correction) + ": point " + ToString(id) + " would come to lie beyond any map"};
+    if (!IsSoundPosition(position))
+      return Error{NameOf(correction) + ": point " + ToString(id) + " would come to lie beyond any map"};
   }
   return Ok{};
 }

@@ -30,12 +30,13 @@ struct MovedMap {
 };
 
 /// Keyframes named by the correction take their similarity, made rigid (paper Eq. 13); others the one of the nearest
-/// ancestor in it and their relative pose (paper Sec. 6, step 3), or, where no ancestor is, follow `new_from_old`. Points
-/// named take their position, others follow the nearest keyframe that sees them with its similarity (paper Eq. 14).
+/// ancestor in it and their relative pose (paper Sec. 6, step 3), or, where no ancestor is, follow `new_from_old`.
+/// Points named take their position, others follow the nearest keyframe that sees them with its similarity (paper Eq.
+/// 14).
 MovedMap MoveMap(const MapCorrection& correction, const Map& map, const Sim3d& new_from_old);
 
-/// Whether replicas will accept a map so moved (IsSoundPose). A correction of finite values may still throw keyframes out to where
-/// they don't: an owner that applied it would be followed by nobody.
+/// Whether replicas will accept a map so moved (IsSoundPose). A correction of finite values may still throw keyframes
+/// out to where they don't: an owner that applied it would be followed by nobody.
 Status CheckMoved(const MapCorrection& correction, const MovedMap& moved);
 
 /// The correction's merges that fit, then its observations. @return the merges made (from, into).

@@ -62,7 +62,8 @@ EssentialGraph MakeEssentialGraph(const Map& map, const std::vector<std::pair<Ke
     if (a != b && map.FindKeyFrame(a) != nullptr && map.FindKeyFrame(b) != nullptr) pairs.insert(std::minmax(a, b));
   }
   for (const auto& [a, b] : pairs) {
-    result.AddEdge(a, b, Sim3d(map.keyframe(b).camera_from_map * map.keyframe(a).camera_from_map.Inverse()), map.Covisibility(a, b));
+    result.AddEdge(a, b, Sim3d(map.keyframe(b).camera_from_map * map.keyframe(a).camera_from_map.Inverse()),
+                   map.Covisibility(a, b));
   }
   return result;
 }

@@ -26,8 +26,8 @@ struct EssentialGraph {
   uint32_t IndexOf(KeyFrameId id) const;  ///< a check fails if it is not there
   Sim3d& camera_from_map(KeyFrameId id) { return graph.nodes[IndexOf(id)].camera_from_map; }
   const Sim3d& camera_from_map(KeyFrameId id) const { return graph.nodes[IndexOf(id)].camera_from_map; }
-  /// @param common landmarks that hold the two together: an edge counts by them, so that drift goes to where it came from, to the keyframes that
-  /// see little in common.
+  /// @param common landmarks that hold the two together: an edge counts by them, so that drift goes to where it came
+  /// from, to the keyframes that see little in common.
   void AddEdge(KeyFrameId a, KeyFrameId b, const Sim3d& b_from_a, int common);
 };
 

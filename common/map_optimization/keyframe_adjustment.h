@@ -19,10 +19,11 @@ namespace portolan {
 // correction of the whole map.
 
 struct KeyFrameAdjustmentOptions {
-  /// Landmarks chosen for a keyframe, at least, where it has as many; others follow. By default all are: with 70 of them the poses came to fit
-  /// those better and the rest of the map worse (town_lap: mean loss 0.052, against 0.042 before).
+  /// Landmarks chosen for a keyframe, at least, where it has as many; others follow. By default all are: with 70 of
+  /// them the poses came to fit those better and the rest of the map worse (town_lap: mean loss 0.052, against 0.042
+  /// before).
   int landmarks_per_keyframe = 100000;
-  int max_iterations = 6;  ///< town_lap after its loop: 1.84 m become 1.70 in three, 1.56 in eight
+  int max_iterations = 6;            ///< town_lap after its loop: 1.84 m become 1.70 in three, 1.56 in eight
   double function_tolerance = 1e-4;  ///< relative decrease of the cost at which it is done
   FollowerOptions followers;
 };

@@ -12,8 +12,8 @@ namespace portolan {
 struct LandmarkFusionOptions {
   double chi2 = 5.991;    ///< squared normalised distance of the feature to the projection: 95 % of right ones
   int max_distance = 50;  ///< Hamming
-  bool keep_projected =
-      false;  ///< of two landmarks that are one, the one that was projected stays; else that with more observations
+  /// Of two landmarks that are one, the one that was projected stays; else that with more observations.
+  bool keep_projected = false;
 };
 
 /// What fusion changed.
@@ -25,8 +25,8 @@ struct FusionResult {
 /// Projects landmarks into a keyframe (paper Sec. 4.2: "new measurements corresponding to the new features"). Where one
 /// finds a feature with its descriptor, it gains an observation, or, if the feature is a landmark already, the two
 /// become one.
-/// @param points ids; those that don't exist (any more) or are seen by the keyframe are passed over.
-/// Derived fields of the points must be up to date. In a keyframe without descriptors nothing is found. Adds to `result`.
+/// @param points ids; those that don't exist (any more) or are seen by the keyframe are passed over. Derived fields of
+/// the points must be up to date. In a keyframe without descriptors nothing is found. Adds to `result`.
 void FuseIntoKeyFrame(Map* map, KeyFrameId target, const std::vector<MapPointId>& points,
                       const LandmarkFusionOptions& options, FusionResult* result);
 

@@ -30,7 +30,8 @@ Status CheckLoop(const Map& map, const LoopClosure& loop) {
     if (map.FindKeyFrame(id) == nullptr) return Error{name + ": " + ToString(id) + " is not in the map"};
   }
   if (!IsSimilarity(loop.current_from_matched)) {
-    return Error{name + ": current_from_matched is no similarity, scale " + std::to_string(loop.current_from_matched.scale)};
+    return Error{name + ": current_from_matched is no similarity, scale " +
+                 std::to_string(loop.current_from_matched.scale)};
   }
   return Ok{};
 }
@@ -54,8 +55,8 @@ bool IsSeenBy(const MapPoint& point, const KeyFrameSet& keyframes) {
 /// The steps of CorrectLoop, in order, and what they hand on.
 class LoopCorrector {
  public:
-  LoopCorrector(const Map& map, const LoopClosure& loop, const CorrectionFrame& frame, const LoopCorrectionOptions& options,
-                const std::atomic<bool>* stop)
+  LoopCorrector(const Map& map, const LoopClosure& loop, const CorrectionFrame& frame,
+                const LoopCorrectionOptions& options, const std::atomic<bool>* stop)
       : before_(map), loop_(loop), frame_(frame), options_(options), stop_(stop), map_(map) {
     matched_side_ = Neighbourhood(map, loop.matched, options.min_common, options.max_matched_side, {loop.current});
     in_matched_side_.insert(matched_side_.begin(), matched_side_.end());
@@ -216,7 +217,8 @@ void LoopCorrector::AddLoopEdges() {
     for (const KeyFrameId j : matched_side_) {
       const bool is_the_loop = i == loop_.current && j == loop_.matched;
       if (!is_the_loop && map_.Covisibility(i, j) < options_.min_loop_common) continue;
-      graph_.AddEdge(j, i, welded_.at(i) * welded_.at(j).Inverse(), std::max(map_.Covisibility(i, j), options_.min_loop_common));
+      graph_.AddEdge(j, i, welded_.at(i) * welded_.at(j).Inverse(),
+                     std::max(map_.Covisibility(i, j), options_.min_loop_common));
       loop_edges_.emplace_back(i, j);
     }
   }
@@ -295,8 +297,9 @@ Result<MapCorrection> CorrectLoop(const Map& map, const LoopClosure& loop, const
   return CorrectLoop(map, loop, CorrectionFrame(), options, stop, times);
 }
 
-Result<MapCorrection> CorrectLoop(const Map& map, const LoopClosure& loop, const CorrectionFrame& frame, const LoopCorrectionOptions& options,
-                                  const std::atomic<bool>* stop, StageTimes* times) {
+Result<MapCorrection> CorrectLoop(const Map& map, const LoopClosure& loop, const CorrectionFrame& frame,
+                                  const LoopCorrectionOptions& options, const std::atomic<bool>* stop,
+                                  StageTimes* times) {
   if (Status checked = CheckLoop(map, loop); !checked.ok()) return checked.error();
   Stopwatch watch;
   const auto end_stage = [&](const char* stage) {

@@ -21,8 +21,8 @@ namespace portolan {
 /// A verified loop: the current keyframe sees what the matched one saw.
 struct LoopClosure {
   KeyFrameId current, matched;
-  Sim3d current_from_matched;  ///< of their cameras, each in its own units: the current one is drifted, the matched one
-                               ///< not
+  /// Of their cameras, each in its own units: the current one is drifted, the matched one not.
+  Sim3d current_from_matched;
   std::vector<std::pair<uint32_t, MapPointId>>
       seen;  ///< (feature of the current keyframe, landmark of the matched side)
   std::vector<std::pair<MapPointId, MapPointId>>
@@ -66,7 +66,8 @@ struct CorrectionFrame {
 
 /// The same where some keyframes are held, the matched one among them (map fusion: all of the older map): they are not
 /// in the proposal.
-Result<MapCorrection> CorrectLoop(const Map& map, const LoopClosure& loop, const CorrectionFrame& frame, const LoopCorrectionOptions& options,
-                                  const std::atomic<bool>* stop, StageTimes* times);
+Result<MapCorrection> CorrectLoop(const Map& map, const LoopClosure& loop, const CorrectionFrame& frame,
+                                  const LoopCorrectionOptions& options, const std::atomic<bool>* stop,
+                                  StageTimes* times);
 
 }  // namespace portolan

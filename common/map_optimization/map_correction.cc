@@ -20,7 +20,8 @@ Result<std::vector<std::pair<MapPointId, MapPointId>>> ApplyMapCorrection(const 
   const bool any = std::any_of(correction.keyframes.begin(), correction.keyframes.end(),
                                [&](const auto& keyframe) { return map->FindKeyFrame(keyframe.id) != nullptr; });
   if (!any) {
-    return Error{NameOf(correction) + ": none of its " + std::to_string(correction.keyframes.size()) + " keyframes is in the map"};
+    return Error{NameOf(correction) + ": none of its " + std::to_string(correction.keyframes.size()) +
+                 " keyframes is in the map"};
   }
   // All is computed from the map as it is, then changed.
   const MovedMap moved = MoveMap(correction, *map, Sim3d());

@@ -15,7 +15,8 @@
 namespace portolan {
 namespace {
 
-constexpr int kMaxFurtherWelds = 10;  // each some tenths of a second: maps of some hundred keyframes are welded all along
+// Each some tenths of a second: maps of some hundred keyframes are welded all along.
+constexpr int kMaxFurtherWelds = 10;
 constexpr double kBesideDepths = 0.3;  // median depths between two cameras that see the same things
 constexpr double kBesideRad = 0.5;
 
@@ -41,13 +42,15 @@ Status CheckOverlap(const Map& map, const Map& other, const LoopClosure& overlap
   if (other.FindKeyFrame(overlap.current) == nullptr) return missing(overlap.current, other);
   if (map.FindKeyFrame(overlap.matched) == nullptr) return missing(overlap.matched, map);
   if (!IsSimilarity(overlap.current_from_matched)) {
-    return Error{"fusion: current_from_matched is no similarity, scale " + std::to_string(overlap.current_from_matched.scale)};
+    return Error{"fusion: current_from_matched is no similarity, scale " +
+                 std::to_string(overlap.current_from_matched.scale)};
   }
   if (Status checked = CheckResiduals(map, other); !checked.ok()) return checked;
   return CheckDistinct(map, other);
 }
 
-/// Hangs the other map's tree, which is in `map` already, below a keyframe of the map, turned so that it begins at the edge.
+/// Hangs the other map's tree, which is in `map` already, below a keyframe of the map, turned so that it begins at the
+/// edge.
 void HangTree(const Map& other, const Edge& edge, Map* map) {
   for (const auto& [id, keyframe] : other.keyframes()) {
     if (keyframe.parent.IsValid()) map->SetParent(id, keyframe.parent);
@@ -59,11 +62,13 @@ void HangTree(const Map& other, const Edge& edge, Map* map) {
   }
 }
 
-/// Where the map has none of a camera of which the other knows the residual, data from elsewhere, as it was before, becomes that of the other's replicas.
+/// Where the map has none of a camera of which the other knows the residual, data from elsewhere, as it was before,
+/// becomes that of the other's replicas.
 void TakeResiduals(const Map& other, Map* map) {
   const std::vector<CameraResidual> own = map->residuals();
   for (const CameraResidual& known : other.residuals()) {
-    const bool is_known = std::any_of(own.begin(), own.end(), [&](const CameraResidual& one) { return one.camera == known.camera; });
+    const bool is_known =
+        std::any_of(own.begin(), own.end(), [&](const CameraResidual& one) { return one.camera == known.camera; });
     if (!is_known) map->SetResidual(known.camera, known.residual);
   }
 }
@@ -71,7 +76,8 @@ void TakeResiduals(const Map& other, Map* map) {
 /// Adds all of the other map, moved, as it is: nothing merged yet.
 void TakeIn(const Map& other, const MovedMap& moved, const Edge& edge, Map* map) {
   TakeResiduals(other, map);
-  for (const auto& [id, camera_from_map] : moved.poses) map->AddKeyFrame(other.keyframe(id).data, camera_from_map, KeyFrameId());
+  for (const auto& [id, camera_from_map] : moved.poses)
+    map->AddKeyFrame(other.keyframe(id).data, camera_from_map, KeyFrameId());
   HangTree(other, edge, map);
   for (const auto& [id, position] : moved.points) {
     map->AddPoint(id, position);
@@ -90,8 +96,10 @@ Status CheckFusion(const MapCorrection& correction, const Map& other, const Map&
   const std::string name = NameOf(correction);
   if (correction.kind != "fusion") return Error{name + ": expected a fusion"};
   if (Status checked = CheckCorrection(correction, map); !checked.ok()) return checked;
-  if (correction.other != other.id()) return Error{name + ": takes in " + ToString(correction.other) + ", the other map here is " + ToString(other.id())};
-  if (IsSimilarity(correction.map_from_other) && correction.map_from_other.translation.cwiseAbs().maxCoeff() > kMaxCoordinate)
+  if (correction.other != other.id())
+    return Error{name + ": takes in " + ToString(correction.other) + ", the other map here is " + ToString(other.id())};
+  if (IsSimilarity(correction.map_from_other) &&
+      correction.map_from_other.translation.cwiseAbs().maxCoeff() > kMaxCoordinate)
     return Error{name + ": map_from_other leads beyond any map"};
   if (!IsSimilarity(correction.map_from_other)) {
     return Error{name + ": map_from_other is no similarity, scale " + std::to_string(correction.map_from_other.scale)};
@@ -108,7 +116,8 @@ class FusionProposer {
       : map_(map), other_(other), options_(options), joined_(map), fusion_(EmptyCorrection(map, "fusion")) {
     fusion_.other = other.id();
     fusion_.map_from_other = MapFromOther(map, other, overlap);
-    TakeIn(other, MoveMap(MapCorrection(), other, fusion_.map_from_other), {overlap.current, overlap.matched}, &joined_);
+    TakeIn(other, MoveMap(MapCorrection(), other, fusion_.map_from_other), {overlap.current, overlap.matched},
+           &joined_);
     joined_.RefreshDerived();
     frame_.kind = "fusion";
     for (const auto& [id, keyframe] : map.keyframes()) frame_.held.insert(id);
@@ -117,7 +126,8 @@ class FusionProposer {
 
   /// In the joined map the two keyframes lie to each other as the overlap says: a loop without a gap, yet to be welded.
   Status Weld(const LoopClosure& overlap, const std::atomic<bool>* stop, StageTimes* times);
-  /// A keyframe of the other map that lies beside one of the map, sees nothing in common with it yet, and hangs on some that do.
+  /// A keyframe of the other map that lies beside one of the map, sees nothing in common with it yet, and hangs on some
+  /// that do.
   std::optional<LoopClosure> FindFurther();
   MapCorrection Take() &&;
 
@@ -159,7 +169,8 @@ bool FusionProposer::IsWelded(KeyFrameId id) const {
   return false;
 }
 
-/// The nearest keyframe of the map that looks the same way, from as near that it should see the same things; none if none does.
+/// The nearest keyframe of the map that looks the same way, from as near that it should see the same things; none if
+/// none does.
 KeyFrameId FusionProposer::FindBeside(KeyFrameId id) const {
   const Rigid3d own = PoseInJoined(id);
   KeyFrameId nearest;
@@ -202,7 +213,8 @@ MapCorrection FusionProposer::Take() && {
   for (const MapPointId id : joined_.SortedPointIds()) {
     const MapPoint& point = joined_.point(id);
     const MapPoint* before = map_.FindPoint(id);
-    if (before == nullptr || before->position_in_map != point.position_in_map) fusion_.points.push_back({id, point.position_in_map});
+    if (before == nullptr || before->position_in_map != point.position_in_map)
+      fusion_.points.push_back({id, point.position_in_map});
   }
   return std::move(fusion_);
 }
@@ -219,20 +231,22 @@ Status CheckResiduals(const Map& map, const Map& other) {
   for (const Map* one : {&map, &other}) {
     for (const auto& [id, keyframe] : one->keyframes()) {
       const CameraResidual taken_out{keyframe.data->camera, keyframe.data->residual};
-      const auto same = std::find_if(seen.begin(), seen.end(), [&](const CameraResidual& before) { return before.camera == taken_out.camera; });
+      const auto same = std::find_if(seen.begin(), seen.end(),
+                                     [&](const CameraResidual& before) { return before.camera == taken_out.camera; });
       if (same == seen.end()) {
         seen.push_back(taken_out);
       } else if (!(*same == taken_out)) {
-        return Error{"fusion of map " + ToString(other.id()) + " into map " + ToString(map.id()) + ": keyframe " + ToString(id) +
-                     " has another residual of its camera taken out than those before it"};
+        return Error{"fusion of map " + ToString(other.id()) + " into map " + ToString(map.id()) + ": keyframe " +
+                     ToString(id) + " has another residual of its camera taken out than those before it"};
       }
     }
   }
   return Ok{};
 }
 
-Result<MapCorrection> ProposeFusion(const Map& map, const Map& other, const LoopClosure& overlap, const LoopCorrectionOptions& options,
-                                    const std::atomic<bool>* stop, StageTimes* times) {
+Result<MapCorrection> ProposeFusion(const Map& map, const Map& other, const LoopClosure& overlap,
+                                    const LoopCorrectionOptions& options, const std::atomic<bool>* stop,
+                                    StageTimes* times) {
   if (Status checked = CheckOverlap(map, other, overlap); !checked.ok()) return checked.error();
   const Stopwatch watch;
   FusionProposer proposer(map, other, overlap, options);
@@ -242,17 +256,20 @@ Result<MapCorrection> ProposeFusion(const Map& map, const Map& other, const Loop
   for (int more = 0; more < kMaxFurtherWelds; ++more) {
     const std::optional<LoopClosure> further = proposer.FindFurther();
     if (!further) break;
-    static_cast<void>(proposer.Weld(*further, stop, times));  // a place that can't be welded stays as the pose graph put it
+    // A place that can't be welded stays as the pose graph put it.
+    static_cast<void>(proposer.Weld(*further, stop, times));
   }
   if (stop != nullptr && stop->load(std::memory_order_relaxed)) return Error{"fusion: interrupted"};
   return std::move(proposer).Take();
 }
 
-Result<std::vector<std::pair<MapPointId, MapPointId>>> ApplyFusion(const MapCorrection& correction, const Map& other, Map* map) {
+Result<std::vector<std::pair<MapPointId, MapPointId>>> ApplyFusion(const MapCorrection& correction, const Map& other,
+                                                                   Map* map) {
   if (Status checked = CheckFusion(correction, other, *map); !checked.ok()) return checked.error();
   const std::optional<Edge> edge = FindEdge(correction, other, *map);
   if (!edge) {
-    return Error{NameOf(correction) + ": none of its " + std::to_string(correction.loop_edges.size()) + " loop edges joins what the maps hold now"};
+    return Error{NameOf(correction) + ": none of its " + std::to_string(correction.loop_edges.size()) +
+                 " loop edges joins what the maps hold now"};
   }
   const MovedMap moved = MoveMap(correction, other, correction.map_from_other);
   if (Status checked = CheckMoved(correction, moved); !checked.ok()) return checked.error();

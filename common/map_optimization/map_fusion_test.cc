@@ -18,7 +18,8 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
-constexpr size_t kNumViews = 100, kMapEnd = 60, kOtherBegin = 36;  // the map has even views below, the other odd ones from there
+// The map has even views below, the other odd ones from there.
+constexpr size_t kNumViews = 100, kMapEnd = 60, kOtherBegin = 36;
 constexpr size_t kMatched = 48, kCurrent = 49;
 
 /// How far the similarity of verification is off: some pixels.
@@ -62,8 +63,9 @@ class MapFusionTest : public ::testing::TestWithParam<uint64_t> {
     LoopClosure overlap;
     overlap.current = id(current);
     overlap.matched = id(matched);
-    overlap.current_from_matched = Sim3d(other_.keyframe(overlap.current).camera_from_map) * map_from_world_.at(current) *
-                                   map_from_world_.at(matched).Inverse() * Sim3d(map_.keyframe(overlap.matched).camera_from_map).Inverse();
+    overlap.current_from_matched = Sim3d(other_.keyframe(overlap.current).camera_from_map) *
+                                   map_from_world_.at(current) * map_from_world_.at(matched).Inverse() *
+                                   Sim3d(map_.keyframe(overlap.matched).camera_from_map).Inverse();
     overlap.current_from_matched = overlap.current_from_matched * SmallError(GetParam());
     return overlap;
   }
@@ -85,7 +87,8 @@ class MapFusionTest : public ::testing::TestWithParam<uint64_t> {
       map.AddKeyFrame(seen.data, TransformPose(seen.camera_from_world, around), parent);
       parent = seen.data->id;
       for (size_t feature = 0; feature < seen.landmark_of_feature.size(); ++feature) {
-        if (seen.landmark_of_feature[feature] != kNoLandmark) sightings[seen.landmark_of_feature[feature]].emplace_back(view, static_cast<uint32_t>(feature));
+        if (seen.landmark_of_feature[feature] != kNoLandmark)
+          sightings[seen.landmark_of_feature[feature]].emplace_back(view, static_cast<uint32_t>(feature));
       }
     }
     for (const auto& [landmark, seen] : sightings) {
@@ -141,12 +144,14 @@ TEST_P(MapFusionTest, WhatTheMapHadStaysWhereItWas) {
     EXPECT_EQ(fused.keyframe(keyframe_id).camera_from_map.translation, keyframe.camera_from_map.translation);
     EXPECT_EQ(fused.keyframe(keyframe_id).parent, keyframe.parent);
   }
-  for (const auto& [keyframe_id, keyframe] : other_.keyframes()) EXPECT_EQ(fused.keyframe(keyframe_id).data, keyframe.data);
+  for (const auto& [keyframe_id, keyframe] : other_.keyframes())
+    EXPECT_EQ(fused.keyframe(keyframe_id).data, keyframe.data);
   const std::set<std::pair<MapPointId, MapPointId>> merges(correction->merges.begin(), correction->merges.end());
   std::set<MapPointId> merged;
   for (const auto& [from, into] : merges) merged.insert(from);
   for (const Map* map : {&map_, &other_}) {
-    for (const auto& [point_id, point] : map->points()) EXPECT_EQ(fused.FindPoint(point_id) == nullptr, merged.count(point_id) == 1) << point_id;
+    for (const auto& [point_id, point] : map->points())
+      EXPECT_EQ(fused.FindPoint(point_id) == nullptr, merged.count(point_id) == 1) << point_id;
   }
 }
 
@@ -173,7 +178,8 @@ TEST_P(MapFusionTest, WeldsTheMapsWhereverTheyRunSideBySide) {
   ASSERT_TRUE(correction.ok()) << correction.error().message;
   const Map fused = Fused(*correction);
   EXPECT_THAT(ValidateMap(fused), IsEmpty());
-  for (const size_t view : {kOtherBegin + 3, kOtherBegin + 11, kMapEnd - 5}) EXPECT_GT(fused.Covisibility(id(view), id(view + 1)), 40) << view;
+  for (const size_t view : {kOtherBegin + 3, kOtherBegin + 11, kMapEnd - 5})
+    EXPECT_GT(fused.Covisibility(id(view), id(view + 1)), 40) << view;
   for (const auto& keyframe : correction->keyframes) {
     const Rigid3d pose = MakeRigid(keyframe.camera_from_map);
     EXPECT_LT((pose.translation - fused.keyframe(keyframe.id).camera_from_map.translation).norm(), 1e-9);
@@ -192,10 +198,12 @@ TEST_P(MapFusionTest, SaysWhatItIs) {
   EXPECT_EQ(correction->epoch, map_.epoch());
   EXPECT_EQ(correction->made_from_revision, map_.revision());
   EXPECT_EQ(correction->keyframes.size(), other_.keyframes().size());
-  EXPECT_NEAR(correction->map_from_other.scale, map_scale_ / map_from_world_.at(kCurrent).scale, 0.02 * correction->map_from_other.scale);
+  EXPECT_NEAR(correction->map_from_other.scale, map_scale_ / map_from_world_.at(kCurrent).scale,
+              0.02 * correction->map_from_other.scale);
   for (const auto& keyframe : correction->keyframes) {
     EXPECT_NE(other_.FindKeyFrame(keyframe.id), nullptr);
-    EXPECT_NEAR(keyframe.camera_from_map.scale * correction->map_from_other.scale, 1, 0.02) << "in units of the other map";
+    EXPECT_NEAR(keyframe.camera_from_map.scale * correction->map_from_other.scale, 1, 0.02)
+        << "in units of the other map";
   }
   for (const char* stage : {"fusion_join", "fusion_window", "fusion_fusion", "fusion_welding", "fusion_graph"}) {
     EXPECT_EQ(times_.samples().count(stage), 1u) << stage;
@@ -249,7 +257,8 @@ TEST_P(MapFusionTest, TheTreeIsTurnedToBeginAtTheOverlap) {
   overlap_ = LoopClosure();
   overlap_.current = id(kMatched);
   overlap_.matched = id(kCurrent);
-  overlap_.current_from_matched = Sim3d(other_.keyframe(id(kMatched)).camera_from_map) * map_from_world_.at(kMatched) * map_from_world_.at(kCurrent).Inverse() *
+  overlap_.current_from_matched = Sim3d(other_.keyframe(id(kMatched)).camera_from_map) * map_from_world_.at(kMatched) *
+                                  map_from_world_.at(kCurrent).Inverse() *
                                   Sim3d(map_.keyframe(id(kCurrent)).camera_from_map).Inverse();
   const auto correction = Propose();
   ASSERT_TRUE(correction.ok()) << correction.error().message;
@@ -372,13 +381,19 @@ TEST_P(MapFusionRefusalTest, TheOwnerRefusesWhatDoesNotFit) {
   refuses([](MapCorrection* c) { c->epoch = 77; }, "epoch 77");
   refuses([](MapCorrection* c) { c->made_from_revision = 999; }, "revision 999");
   refuses([](MapCorrection* c) { c->map_from_other.scale = 0; }, "no similarity");
-  refuses([](MapCorrection* c) { c->map_from_other.translation.x() = std::numeric_limits<double>::quiet_NaN(); }, "no similarity");
+  refuses([](MapCorrection* c) { c->map_from_other.translation.x() = std::numeric_limits<double>::quiet_NaN(); },
+          "no similarity");
   refuses([](MapCorrection* c) { c->keyframes[0].camera_from_map.scale = 0; }, "not a similarity");
-  refuses([](MapCorrection* c) { c->points[0].position_in_map.x() = std::numeric_limits<float>::infinity(); }, "not finite");
+  refuses([](MapCorrection* c) { c->points[0].position_in_map.x() = std::numeric_limits<float>::infinity(); },
+          "not finite");
   refuses([](MapCorrection* c) { c->map_from_other.translation.x() = 1e300; }, "beyond any map");
   refuses([](MapCorrection* c) { c->points[0].position_in_map.x() = 2e9f; }, "beyond any map");
   refuses([](MapCorrection* c) { c->loop_edges.clear(); }, "none of its 0 loop edges");
-  refuses([](MapCorrection* c) { c->loop_edges = {{KeyFrameId(9, 9, 9), KeyFrameId(9, 9, 8)}}; }, "none of its 1 loop edges");
+  refuses(
+      [](MapCorrection* c) {
+        c->loop_edges = {{KeyFrameId(9, 9, 9), KeyFrameId(9, 9, 8)}};
+      },
+      "none of its 1 loop edges");
   const Map whole = std::exchange(other_, Map(other_.id(), 1));
   refuses([](MapCorrection*) {}, "is empty");
   other_ = whole;

@@ -14,8 +14,10 @@ bool NamesMap(CommandKind kind) {
     case CommandKind::kFuseMaps:
     case CommandKind::kLinkMaps:
     case CommandKind::kAdjustMap:
-    case CommandKind::kForgetMap: return true;
-    default: return false;  // of a robot
+    case CommandKind::kForgetMap:
+      return true;
+    default:
+      return false;  // of a robot
   }
 }
 
@@ -25,13 +27,16 @@ bool NamesProcess(CommandKind kind) {
     case CommandKind::kDrain:
     case CommandKind::kAppointMapper:
     case CommandKind::kAppointLoopCloser:
-    case CommandKind::kAppointAtlasServer: return true;
-    default: return false;
+    case CommandKind::kAppointAtlasServer:
+      return true;
+    default:
+      return false;
   }
 }
 
 void CheckKind(const wire::Command& wire, MessageCheck* check) {
   check->AtMost("kind", wire.kind(), static_cast<uint8_t>(CommandKind::kAppointAtlasServer));
+  check->AtMost("epoch", wire.epoch(), kMaxEpoch);
   const auto kind = static_cast<CommandKind>(wire.kind());
   if (NamesMap(kind)) check->Id("map", wire.map_id());
   if (NamesProcess(kind)) check->Id("owner", wire.owner());

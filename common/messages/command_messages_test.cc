@@ -55,18 +55,20 @@ TEST(CommandMessagesTest, RefusesMalformedCommands) {
   Random random(2);
   Command command = RandomCommand(&random);
   command.kind = CommandKind::kGrantOwnership;
-  ExpectRefused<wire::Command>(ToWire(command), {
-                                                    {"sender is none", [](wire::Command* w) { w->sender(0); }},
-                                                    {"kind is 16", [](wire::Command* w) { w->kind(16); }},
-                                                    {"map is none", [](wire::Command* w) { w->map_id(0); }},
-                                                    {"owner is none", [](wire::Command* w) { w->owner(0); }},
-                                                    {"epoch of a grant is 0", [](wire::Command* w) { w->epoch(0); }},
-                                                    {"scale", [](wire::Command* w) { w->map_from_other().scale(-2); }},
-                                                    {"quaternion",
-                                                     [](wire::Command* w) {
-                                                       w->map_from_other().rotation({0, 0, 0, 0});
-                                                     }},
-                                                });
+  ExpectRefused<wire::Command>(ToWire(command),
+                               {
+                                   {"sender is none", [](wire::Command* w) { w->sender(0); }},
+                                   {"kind is 16", [](wire::Command* w) { w->kind(16); }},
+                                   {"map is none", [](wire::Command* w) { w->map_id(0); }},
+                                   {"owner is none", [](wire::Command* w) { w->owner(0); }},
+                                   {"epoch of a grant is 0", [](wire::Command* w) { w->epoch(0); }},
+                                   {"epoch is 281474976710657", [](wire::Command* w) { w->epoch(kMaxEpoch + 1); }},
+                                   {"scale", [](wire::Command* w) { w->map_from_other().scale(-2); }},
+                                   {"quaternion",
+                                    [](wire::Command* w) {
+                                      w->map_from_other().rotation({0, 0, 0, 0});
+                                    }},
+                               });
   command.kind = CommandKind::kFuseMaps;
   ExpectRefused<wire::Command>(ToWire(command), {
                                                     {"other is none", [](wire::Command* w) { w->other(0); }},
@@ -75,8 +77,8 @@ TEST(CommandMessagesTest, RefusesMalformedCommands) {
 }
 
 TEST(CommandMessagesTest, CommandsToARobotNeedNoMap) {
-  for (const CommandKind kind : {CommandKind::kNewMap, CommandKind::kPause, CommandKind::kResume, CommandKind::kLocalizeOnly,
-                                 CommandKind::kMapAgain, CommandKind::kShutDown}) {
+  for (const CommandKind kind : {CommandKind::kNewMap, CommandKind::kPause, CommandKind::kResume,
+                                 CommandKind::kLocalizeOnly, CommandKind::kMapAgain, CommandKind::kShutDown}) {
     Command command;
     command.sender = ProcessId(1, 2, 3);
     command.kind = kind;
@@ -85,8 +87,8 @@ TEST(CommandMessagesTest, CommandsToARobotNeedNoMap) {
 }
 
 TEST(CommandMessagesTest, CommandsToAProcessNameIt) {
-  for (const CommandKind kind :
-       {CommandKind::kDrain, CommandKind::kAppointMapper, CommandKind::kAppointLoopCloser, CommandKind::kAppointAtlasServer}) {
+  for (const CommandKind kind : {CommandKind::kDrain, CommandKind::kAppointMapper, CommandKind::kAppointLoopCloser,
+                                 CommandKind::kAppointAtlasServer}) {
     Command command;
     command.sender = ProcessId(1, 2, 3);
     command.owner = ProcessId(1, 4, 1);

@@ -58,9 +58,12 @@ void CheckObservations(const wire::MapCorrection& wire, MessageCheck* check) {
 void CheckCorrection(const wire::MapCorrection& wire, MessageCheck* check) {
   check->Id("process", wire.process());
   check->Id("map", wire.map_id());
+  check->AtMost("epoch", wire.epoch(), kMaxEpoch);
+  check->AtMost("made_from_revision", wire.made_from_revision(), kMaxRevision);
   check->Name("kind", wire.kind());
   const bool is_fusion = wire.kind() == "fusion";
-  check->Require(is_fusion == (wire.other() != 0), "other is " + std::string(is_fusion ? "none" : "given") + " in kind " + wire.kind());
+  check->Require(is_fusion == (wire.other() != 0),
+                 "other is " + std::string(is_fusion ? "none" : "given") + " in kind " + wire.kind());
   check->Require(wire.other() != wire.map_id(), "fuses a map with itself");
   CheckSim3("map_from_other", wire.map_from_other(), check);
   check->AtMost("number of keyframes", wire.keyframes().size(), kMaxListedKeyFrames);

@@ -6,6 +6,7 @@
 #include <functional>
 #include <limits>
 
+#include "messages/limits.h"
 #include "messages/random_messages.h"
 
 namespace portolan {
@@ -53,6 +54,8 @@ TEST(CorrectionMessagesTest, RefusesWhatIsMalformedAndSaysWhy) {
   const std::vector<Malformed> cases = {
       {"process is none", [](wire::MapCorrection* w) { w->process(0); }},
       {"map is none", [](wire::MapCorrection* w) { w->map_id(0); }},
+      {"epoch is 281474976710657", [](wire::MapCorrection* w) { w->epoch(kMaxEpoch + 1); }},
+      {"made_from_revision is", [](wire::MapCorrection* w) { w->made_from_revision(kMaxRevision + 1); }},
       {"other is none in kind fusion", [](wire::MapCorrection* w) { w->other(0); }},
       {"other is given in kind loop", [](wire::MapCorrection* w) { w->kind("loop"); }},
       {"fuses a map with itself", [](wire::MapCorrection* w) { w->other(w->map_id()); }},

@@ -46,6 +46,8 @@ void ObservationsToWire(const MapDelta& delta, wire::MapDelta* wire) {
 
 void CheckHeader(const wire::MapDelta& wire, MessageCheck* check) {
   check->Id("map", wire.map_id());
+  check->AtMost("epoch", wire.epoch(), kMaxEpoch);
+  check->AtMost("revision", wire.revision(), kMaxRevision);
   check->AtMost("chunk_count", wire.chunk_count(), kMaxChunks);
   check->Require(wire.chunk_index() < wire.chunk_count(),
                  "chunk " + std::to_string(wire.chunk_index()) + " of " + std::to_string(wire.chunk_count()));
@@ -184,7 +186,8 @@ Result<MapDeltaChunk> FromWire(const wire::MapDelta& wire) {
   chunk.part.epoch = wire.epoch();
   chunk.part.base_revision = wire.base_revision();
   chunk.part.revision = wire.revision();
-  for (const auto& known : wire.residuals()) chunk.part.residuals.push_back({FromWire(known.camera()), FromWire(known.residual())});
+  for (const auto& known : wire.residuals())
+    chunk.part.residuals.push_back({FromWire(known.camera()), FromWire(known.residual())});
   RemovalsFromWire(wire, &chunk.part);
   ElementsFromWire(wire, &chunk.part);
   return chunk;

@@ -102,6 +102,8 @@ TEST(DeltaMessagesTest, RefusesWhatIsMalformedAndSaysWhy) {
   };
   const std::vector<Malformed> cases = {
       {"map is none", [](wire::MapDelta* w) { w->map_id(0); }},
+      {"epoch is 281474976710657", [](wire::MapDelta* w) { w->epoch(kMaxEpoch + 1); }},
+      {"revision is 281474976710657", [](wire::MapDelta* w) { w->revision(kMaxRevision + 1); }},
       {"chunk 5 of 5", [](wire::MapDelta* w) { w->chunk_index(5), w->chunk_count(5); }},
       {"chunk_count is 4000000000", [](wire::MapDelta* w) { w->chunk_count(4000000000u); }},
       {"does not follow its base", [](wire::MapDelta* w) { w->base_revision(7), w->revision(7); }},

@@ -99,7 +99,9 @@ wire_v1::RadialResidual ToWire(const RadialResidual& residual) {
   return wire;
 }
 
-RadialResidual FromWire(const wire_v1::RadialResidual& wire) { return {wire.k1(), wire.k2()}; }
+RadialResidual FromWire(const wire_v1::RadialResidual& wire) {
+  return {wire.k1(), wire.k2()};
+}
 
 void CheckResidual(const wire_v1::RadialResidual& wire, MessageCheck* check) {
   for (const auto& [field, value] : {std::pair("residual.k1", wire.k1()), std::pair("residual.k2", wire.k2())}) {

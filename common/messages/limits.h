@@ -31,6 +31,10 @@ constexpr size_t kMaxCorrectedPoints = 4000000;
 /// Merges of points, or loop edges, in one correction.
 constexpr size_t kMaxCorrectedPairs = 1000000;
 
+/// Epochs and revisions: one a millisecond for nine thousand years. A process counts on from those it hears, which must
+/// not run over.
+constexpr uint64_t kMaxEpoch = uint64_t{1} << 48, kMaxRevision = uint64_t{1} << 48;
+
 /// Cameras of a map whose residuals are known.
 constexpr size_t kMaxResiduals = 64;
 

@@ -154,8 +154,9 @@ Command RandomCommand(Random* random) {
 }
 
 Request RandomRequest(Random* random) {
-  return Request{RandomId<RequestId>(random), RandomId<ProcessId>(random), "save", RandomId<MapId>(random),
-                 RandomId<MapId>(random),     RandomSim3(random),          RandomText(random)};
+  return Request{RandomId<RequestId>(random), RandomId<ProcessId>(random), "save",
+                 RandomId<MapId>(random),     RandomId<MapId>(random),     RandomSim3(random),
+                 RandomText(random)};
 }
 
 Reply RandomReply(Random* random) {

@@ -8,6 +8,14 @@
 
 namespace portolan {
 namespace {
+
+/// How far a process has come in its map.
+template <class Wire>
+void CheckProgress(const Wire& wire, MessageCheck* check) {
+  check->AtMost("epoch", wire.epoch(), kMaxEpoch);
+  check->AtMost("revision", wire.revision(), kMaxRevision);
+}
+
 }  // namespace
 
 wire::TrackerState ToWire(const TrackerState& state) {
@@ -71,6 +79,7 @@ wire::MapperState ToWire(const MapperState& state) {
 Result<MapperState> FromWire(const wire::MapperState& wire) {
   MessageCheck check("MapperState");
   check.Id("process", wire.process());
+  CheckProgress(wire, &check);
   check.Text("refusal", wire.refusal(), kMaxLineBytes);
   check.Text("correction_refusal", wire.correction_refusal(), kMaxLineBytes);
   if (!check.ok()) return check.error();
@@ -106,6 +115,7 @@ wire::FollowerState ToWire(const FollowerState& state) {
 Result<FollowerState> FromWire(const wire::FollowerState& wire) {
   MessageCheck check("FollowerState");
   check.Id("process", wire.process());
+  CheckProgress(wire, &check);
   if (!check.ok()) return check.error();
 
   FollowerState state;
@@ -142,6 +152,7 @@ wire::ProcessStatus ToWire(const ProcessStatus& status) {
 Result<ProcessStatus> FromWire(const wire::ProcessStatus& wire) {
   MessageCheck check("ProcessStatus");
   check.Id("process", wire.process());
+  CheckProgress(wire, &check);
   check.Name("role", wire.role());
   check.Text("host", wire.host(), kMaxLineBytes);
   check.Text("vendor", wire.vendor(), kMaxLineBytes);

@@ -129,17 +129,25 @@ TEST(StatusMessagesTest, RefusesWhatIsMalformedAndSaysWhy) {
           {"quality", [](wire::TrackerState* w) { w->quality(NAN); }},
           {"frame_ms", [](wire::TrackerState* w) { w->frame_ms(NAN); }},
       });
-  ExpectRefused<wire::FollowerState>(ToWire(RandomFollowerState(&random)), {{"process is none", [](wire::FollowerState* w) { w->process(0); }}});
-  ExpectRefused<wire::MapperState>(ToWire(RandomMapperState(&random)),
-                                   {
-                                       {"process is none", [](wire::MapperState* w) { w->process(0); }},
-                                       {"refusal holds", [](wire::MapperState* w) { w->refusal("\x1b[2J"); }},
-                                       {"correction_refusal holds", [](wire::MapperState* w) { w->correction_refusal("\x1b[2J"); }},
-                                   });
+  ExpectRefused<wire::FollowerState>(ToWire(RandomFollowerState(&random)),
+                                     {{"process is none", [](wire::FollowerState* w) { w->process(0); }},
+                                      {"epoch is", [](wire::FollowerState* w) { w->epoch(kMaxEpoch + 1); }},
+                                      {"revision is", [](wire::FollowerState* w) { w->revision(kMaxRevision + 1); }}});
+  ExpectRefused<wire::MapperState>(
+      ToWire(RandomMapperState(&random)),
+      {
+          {"process is none", [](wire::MapperState* w) { w->process(0); }},
+          {"epoch is", [](wire::MapperState* w) { w->epoch(kMaxEpoch + 1); }},
+          {"revision is", [](wire::MapperState* w) { w->revision(kMaxRevision + 1); }},
+          {"refusal holds", [](wire::MapperState* w) { w->refusal("\x1b[2J"); }},
+          {"correction_refusal holds", [](wire::MapperState* w) { w->correction_refusal("\x1b[2J"); }},
+      });
   ExpectRefused<wire::ProcessStatus>(
       ToWire(RandomProcessStatus(&random)),
       {
           {"process is none", [](wire::ProcessStatus* w) { w->process(0); }},
+          {"epoch is", [](wire::ProcessStatus* w) { w->epoch(kMaxEpoch + 1); }},
+          {"revision is", [](wire::ProcessStatus* w) { w->revision(kMaxRevision + 1); }},
           {"role is empty", [](wire::ProcessStatus* w) { w->role(""); }},
           {"host holds", [](wire::ProcessStatus* w) { w->host("\x01"); }},
           {"length of state", [](wire::ProcessStatus* w) { w->state(std::string(kMaxLineBytes + 1, 'x')); }},

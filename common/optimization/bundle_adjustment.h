@@ -28,15 +28,16 @@ struct BundleProblem {
   std::vector<Measurement> measurements;
 };
 
-/// Width of Cauchy's loss, in sigmas of a feature. A corner that was matched rightly lies within about a third of a pixel
-/// of its level (0.33 to 0.35 measured on rendered and real streets); what lies further is more and more often something
-/// else: the crossing of two edges at different depths, or the next stone of a pavement. Such errors are not symmetric.
-/// With Huber's loss at 2.45 sigmas they shrank a street of cobbles by a third over 560 frames, with this one by a tenth.
+/// Width of Cauchy's loss, in sigmas of a feature. A corner that was matched rightly lies within about a third of a
+/// pixel of its level (0.33 to 0.35 measured on rendered and real streets); what lies further is more and more often
+/// something else: the crossing of two edges at different depths, or the next stone of a pavement. Such errors are not
+/// symmetric. With Huber's loss at 2.45 sigmas they shrank a street of cobbles by a third over 560 frames, with this
+/// one by a tenth.
 inline constexpr double kReprojectionLossWidth = 0.3;
 
 struct BundleOptions {
   int max_iterations = 10;
-  bool robust = true;                           ///< Cauchy's loss; off: least squares
+  bool robust = true;                          ///< Cauchy's loss; off: least squares
   double loss_width = kReprojectionLossWidth;  ///< sigmas
   int num_threads = 1;
   double function_tolerance = 1e-4;

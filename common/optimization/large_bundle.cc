@@ -1,8 +1,8 @@
 #include "optimization/large_bundle.h"
 
 #include <Eigen/Cholesky>
-#include <Eigen/Sparse>
 #include <Eigen/OrderingMethods>
+#include <Eigen/Sparse>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -38,12 +38,13 @@ struct PoseState {
 
 /// What eliminating a point leaves.
 struct Elimination {
-  Eigen::Matrix3d inverse;   // of its damped block
-  Eigen::Vector3d gradient;  // negative
+  Eigen::Matrix3d inverse;                       // of its damped block
+  Eigen::Vector3d gradient;                      // negative
   std::vector<std::pair<int, Matrix63d>> poses;  // free poses that see it, by number, and their mixed blocks
 };
 
-/// The reduced system: symmetric, of 6x6 blocks where two poses see a point in common, and its Cholesky factor, which takes its place.
+/// The reduced system: symmetric, of 6x6 blocks where two poses see a point in common, and its Cholesky factor, which
+/// takes its place.
 class ReducedSystem {
  public:
   /// @param partners of each free pose, those of higher number, in order.
@@ -54,7 +55,8 @@ class ReducedSystem {
     columns_.resize(size);
     for (size_t j = 0; j < size; ++j) {
       for (const int i : partners[j]) {
-        const int row = std::max(place_[j], place_[static_cast<size_t>(i)]), column = std::min(place_[j], place_[static_cast<size_t>(i)]);
+        const int row = std::max(place_[j], place_[static_cast<size_t>(i)]),
+                  column = std::min(place_[j], place_[static_cast<size_t>(i)]);
         columns_[static_cast<size_t>(column)].rows.push_back(row);
       }
     }
@@ -99,7 +101,8 @@ class ReducedSystem {
   void Damp(double share) {
     constexpr double kTiny = 1e-12;  // for a pose that nothing holds
     for (size_t i = 0; i < place_.size(); ++i) {
-      Diagonal(place_[i]).diagonal().array() += share * pose_diagonal.segment<6>(static_cast<Eigen::Index>(6 * i)).array() + kTiny;
+      Diagonal(place_[i]).diagonal().array() +=
+          share * pose_diagonal.segment<6>(static_cast<Eigen::Index>(6 * i)).array() + kTiny;
     }
   }
 
@@ -123,7 +126,8 @@ class ReducedSystem {
   /// The step that the factorised system gives for `gradient`.
   Eigen::VectorXd Solve() const {
     Eigen::VectorXd x(gradient.size());
-    for (size_t i = 0; i < place_.size(); ++i) x.segment<6>(6 * place_[i]) = gradient.segment<6>(static_cast<Eigen::Index>(6 * i));
+    for (size_t i = 0; i < place_.size(); ++i)
+      x.segment<6>(6 * place_[i]) = gradient.segment<6>(static_cast<Eigen::Index>(6 * i));
     for (size_t k = 0; k < columns_.size(); ++k) {
       auto own = x.segment<6>(static_cast<Eigen::Index>(6 * k));
       const Matrix6d* block = &blocks_[columns_[k].first];
@@ -138,7 +142,8 @@ class ReducedSystem {
       diagonal->triangularView<Eigen::Lower>().transpose().solveInPlace(own);
     }
     Eigen::VectorXd step(gradient.size());
-    for (size_t i = 0; i < place_.size(); ++i) step.segment<6>(static_cast<Eigen::Index>(6 * i)) = x.segment<6>(6 * place_[i]);
+    for (size_t i = 0; i < place_.size(); ++i)
+      step.segment<6>(static_cast<Eigen::Index>(6 * i)) = x.segment<6>(6 * place_[i]);
     return step;
   }
 
@@ -173,7 +178,8 @@ class ReducedSystem {
   Matrix6d& Diagonal(int k) { return blocks_[columns_[static_cast<size_t>(k)].first]; }
   Matrix6d& Below(int column, int row) {
     const Column& of = columns_[static_cast<size_t>(column)];
-    return blocks_[of.first + 1 + static_cast<size_t>(std::lower_bound(of.rows.begin(), of.rows.end(), row) - of.rows.begin())];
+    return blocks_[of.first + 1 +
+                   static_cast<size_t>(std::lower_bound(of.rows.begin(), of.rows.end(), row) - of.rows.begin())];
   }
 
   /// Takes what block s of a finished column and those below it (at `below`) contribute out of column rows[s].
@@ -242,7 +248,8 @@ class LargeBundle {
     target->points_in_map = points_;
     for (size_t i = 0; i < poses_.size(); ++i) {
       if (target->poses[i].fixed) continue;
-      target->poses[i].camera_from_map = Rigid3d(Eigen::Quaterniond(poses_[i].rotation).normalized(), poses_[i].translation);
+      target->poses[i].camera_from_map =
+          Rigid3d(Eigen::Quaterniond(poses_[i].rotation).normalized(), poses_[i].translation);
     }
   }
 
@@ -254,7 +261,8 @@ class LargeBundle {
     std::partial_sum(begins_.begin(), begins_.end(), begins_.begin());
     order_.resize(problem_.measurements.size());
     std::vector<uint32_t> next(begins_.begin(), begins_.end() - 1);
-    for (size_t k = 0; k < problem_.measurements.size(); ++k) order_[next[problem_.measurements[k].point]++] = static_cast<uint32_t>(k);
+    for (size_t k = 0; k < problem_.measurements.size(); ++k)
+      order_[next[problem_.measurements[k].point]++] = static_cast<uint32_t>(k);
   }
 
   std::vector<std::vector<int>> FindPartners() const {
@@ -294,8 +302,9 @@ class LargeBundle {
     for (const auto& m : problem_.measurements) {
       const PoseState& pose = poses[m.pose];
       const Eigen::Vector3d q = pose.rotation * points[m.point] + pose.translation;
-      const double squared = q.z() > 0 ? (problem_.poses[m.pose].camera.Project(q) - m.pixel_px).squaredNorm() / (m.sigma_px * m.sigma_px)
-                                       : 2 * kBehindCameraResidual * kBehindCameraResidual;
+      const double squared =
+          q.z() > 0 ? (problem_.poses[m.pose].camera.Project(q) - m.pixel_px).squaredNorm() / (m.sigma_px * m.sigma_px)
+                    : 2 * kBehindCameraResidual * kBehindCameraResidual;
       sum += Loss(squared);
     }
     return sum;
@@ -314,7 +323,8 @@ class LargeBundle {
     const double scale = weight / m.sigma_px;
     out->error *= weight;
     Eigen::Matrix<double, 2, 3> by_q;
-    by_q << scale * camera.fx * z, 0, -scale * camera.fx * q.x() * z * z, 0, scale * camera.fy * z, -scale * camera.fy * q.y() * z * z;
+    by_q << scale * camera.fx * z, 0, -scale * camera.fx * q.x() * z * z, 0, scale * camera.fy * z,
+        -scale * camera.fy * q.y() * z * z;
     Eigen::Matrix3d minus_cross;  // of q: a turn w moves it by w x q
     minus_cross << 0, q.z(), -q.y(), -q.z(), 0, q.x(), q.y(), -q.x(), 0;
     out->by_pose.leftCols<3>() = by_q * minus_cross;
@@ -348,7 +358,8 @@ class LargeBundle {
   }
 
   /// Moves poses and points by one damped step from the present state.
-  bool Step(double damping, ReducedSystem* system, std::vector<PoseState>* poses, std::vector<Eigen::Vector3d>* points) const {
+  bool Step(double damping, ReducedSystem* system, std::vector<PoseState>* poses,
+            std::vector<Eigen::Vector3d>* points) const {
     Elimination eliminated;
     Eigen::VectorXd step = Eigen::VectorXd::Zero(6 * num_free_);
     if (num_free_ > 0) {
@@ -365,7 +376,8 @@ class LargeBundle {
     for (size_t point = 0; point < points_.size(); ++point) {
       Eliminate(point, damping, nullptr, &eliminated);
       Eigen::Vector3d pull = eliminated.gradient;
-      for (const auto& [number, mixed] : eliminated.poses) pull.noalias() -= mixed.transpose() * step.segment<6>(6 * number);
+      for (const auto& [number, mixed] : eliminated.poses)
+        pull.noalias() -= mixed.transpose() * step.segment<6>(6 * number);
       (*points)[point] += eliminated.inverse * pull;
       if (!(*points)[point].allFinite()) return false;
     }

@@ -38,7 +38,8 @@ TEST(LargeBundleCasesTest, EndsWhereCeresEnds) {
     BundleOptions options = Thorough();
     options.robust = robust;
     options.loss_width = 1;
-    const BundleSummary ours = AdjustLargeBundle(&problem, options, nullptr), theirs = AdjustBundle(&same, options, nullptr);
+    const BundleSummary ours = AdjustLargeBundle(&problem, options, nullptr),
+                        theirs = AdjustBundle(&same, options, nullptr);
     ASSERT_TRUE(ours.converged_or_stopped);
     EXPECT_NEAR(ours.initial_cost, theirs.initial_cost, 1e-9 * theirs.initial_cost);
     EXPECT_NEAR(ours.final_cost, theirs.final_cost, 1e-3 * theirs.final_cost) << "robust " << robust;
@@ -52,7 +53,8 @@ TEST(LargeBundleCasesTest, TheLossHoldsAgainstOutliers) {
   const BundleProblem truth = MakeProblem(8, 2, 200, 0.3, 5);
   BundleProblem problem = Disturbed(truth, 6);
   Random random(7);
-  for (size_t i = 0; i < problem.measurements.size(); i += 20) problem.measurements[i].pixel_px = RandomPixel(&random, TestCamera());
+  for (size_t i = 0; i < problem.measurements.size(); i += 20)
+    problem.measurements[i].pixel_px = RandomPixel(&random, TestCamera());
   ASSERT_TRUE(AdjustLargeBundle(&problem, Thorough(), nullptr).converged_or_stopped);
   for (size_t i = 0; i < truth.poses.size(); ++i) {
     EXPECT_LT((problem.poses[i].camera_from_map.translation - truth.poses[i].camera_from_map.translation).norm(), 0.03);
@@ -81,7 +83,8 @@ TEST(LargeBundleCasesTest, UnobservedPosesAndPointsStay) {
   problem.poses.push_back({Rigid3d(Eigen::Quaterniond::Identity(), {4, 5, 6}), TestCamera(), false});
   ASSERT_TRUE(AdjustLargeBundle(&problem, {}, nullptr).converged_or_stopped);
   EXPECT_EQ(problem.points_in_map.back(), Eigen::Vector3d(1, 2, 3));
-  EXPECT_THAT(problem.poses.back().camera_from_map, RigidNear(Rigid3d(Eigen::Quaterniond::Identity(), {4, 5, 6}), 1e-12));
+  EXPECT_THAT(problem.poses.back().camera_from_map,
+              RigidNear(Rigid3d(Eigen::Quaterniond::Identity(), {4, 5, 6}), 1e-12));
 }
 
 TEST(LargeBundleCasesTest, PointsBehindACameraDoNotSpoilTheRest) {

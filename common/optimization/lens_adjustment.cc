@@ -50,7 +50,8 @@ PoseBlock ToBlock(const Rigid3d& pose) {
 
 }  // namespace
 
-std::optional<LensAdjustment> AdjustLens(const BundleProblem& problem, const BundleOptions& options, const RadialResidual& known) {
+std::optional<LensAdjustment> AdjustLens(const BundleProblem& problem, const BundleOptions& options,
+                                         const RadialResidual& known) {
   if (problem.measurements.empty()) return std::nullopt;
   std::vector<PoseBlock> poses;
   for (const BundleProblem::Pose& pose : problem.poses) {

@@ -12,11 +12,12 @@ namespace {
 
 constexpr int kMinMatches = 3;      // 6 unknowns, 2 equations a match
 constexpr double kMinDepth = 1e-9;  // map units; nearer than this a projection is meaningless
-constexpr double kInitialDamping =
-    1e-6;  // relative to the diagonal: nearly Gauss-Newton, as the start is usually close
+// Relative to the diagonal: nearly Gauss-Newton, as the start is usually close.
+constexpr double kInitialDamping = 1e-6;
 constexpr double kDampingUp = 10, kDampingDown = 0.1, kMaxDamping = 1e6;
-constexpr double kMinStep = 1e-6;              // norm of the twist; far below what moves a pixel visibly
-constexpr double kMinRelativeDecrease = 1e-4;  // of the cost: what follows moves the pose by a hundredth of its standard deviation
+constexpr double kMinStep = 1e-6;  // norm of the twist; far below what moves a pixel visibly
+// Of the cost: what follows moves the pose by a hundredth of its standard deviation.
+constexpr double kMinRelativeDecrease = 1e-4;
 
 /// One usable match, packed for the inner loop.
 struct Term {
@@ -53,8 +54,12 @@ struct PosedCamera {
 };
 
 /// Cauchy's cost of a squared error, and its weight: the derivative.
-double CauchyCost(double squared_error, double width) { return width * width * std::log1p(squared_error / (width * width)); }
-double CauchyWeight(double squared_error, double width) { return 1.0 / (1.0 + squared_error / (width * width)); }
+double CauchyCost(double squared_error, double width) {
+  return width * width * std::log1p(squared_error / (width * width));
+}
+double CauchyWeight(double squared_error, double width) {
+  return 1.0 / (1.0 + squared_error / (width * width));
+}
 
 /// Adds weight * row^T row to the upper triangle and weight * row * residual to the gradient.
 void AddRow(const double (&row)[6], double residual, double weight, NormalEquations* sums) {

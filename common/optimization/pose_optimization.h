@@ -27,12 +27,13 @@ struct PoseOptimizationResult {
   Rigid3d camera_from_map;
   std::vector<bool> inliers;  ///< N
   int num_inliers = 0;
-  Matrix6d information = Matrix6d::Zero();  ///< J^T W J at the solution, over inliers, W of the loss; twist order as in rigid3.h
+  /// J^T W J at the solution, over inliers, W of the loss; twist order as in rigid3.h.
+  Matrix6d information = Matrix6d::Zero();
 };
 
-/// Motion-only BA (paper Sec. 3.2): minimises the robust reprojection error (Cauchy) over the pose, landmarks held fixed.
-/// Levenberg-Marquardt on camera_from_map <- ExpSE3(d) * camera_from_map with analytic Jacobians. Points behind the
-/// camera are outliers. Fewer than 3 usable matches leave the pose as it is, with no inliers. Deterministic.
+/// Motion-only BA (paper Sec. 3.2): minimises the robust reprojection error (Cauchy) over the pose, landmarks held
+/// fixed. Levenberg-Marquardt on camera_from_map <- ExpSE3(d) * camera_from_map with analytic Jacobians. Points behind
+/// the camera are outliers. Fewer than 3 usable matches leave the pose as it is, with no inliers. Deterministic.
 PoseOptimizationResult OptimizePose(const PinholeCamera& camera, const PoseMatches& matches,
                                     const Rigid3d& initial_camera_from_map,
                                     const PoseOptimizationOptions& options = {});

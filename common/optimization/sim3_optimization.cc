@@ -28,7 +28,9 @@ struct NormalEquations {
 double CauchyCost(double squared_error, double width) {
   return width * width * std::log1p(squared_error / (width * width));
 }
-double CauchyWeight(double squared_error, double width) { return 1.0 / (1.0 + squared_error / (width * width)); }
+double CauchyWeight(double squared_error, double width) {
+  return 1.0 / (1.0 + squared_error / (width * width));
+}
 
 /// (u, v) / sigma of a point in the camera's frame. @return false behind the camera.
 bool Residual(const SideView& view, const Eigen::Vector3d& point_in_camera, Eigen::Vector2d* residual) {

@@ -12,9 +12,9 @@ namespace portolan {
 /// A feature that shows a landmark, in a camera near frame a or b whose pose in that frame is known.
 struct SideView {
   const PinholeCamera* camera = nullptr;
-  Rigid3d camera_from_side;    ///< from frame a or b
-  Eigen::Vector2d pixel_px;    ///< undistorted
-  double sigma_px = 1;         ///< standard deviation: the scale of the feature's pyramid level
+  Rigid3d camera_from_side;  ///< from frame a or b
+  Eigen::Vector2d pixel_px;  ///< undistorted
+  double sigma_px = 1;       ///< standard deviation: the scale of the feature's pyramid level
 };
 
 /// A landmark that was mapped twice, on side a and on side b, and where each side saw it. The first view of each side
@@ -34,8 +34,9 @@ struct Sim3OptimizationOptions {
   int rounds = 2;          ///< each starts from the last one's similarity, with outliers of the last left out
   int iterations = 15;     ///< Levenberg-Marquardt steps a round, at most
   double chi2 = 9.21;      ///< squared normalised error of an inlier on each side: 99 % with 2 degrees of freedom
-  double loss_width = 1.0;  ///< of Cauchy's loss, sigmas: wider than in bundle adjustment, as the landmarks of both maps
-                            ///< carry errors of their own here
+  /// Of Cauchy's loss, sigmas: wider than in bundle adjustment, as the landmarks of both maps carry errors of their own
+  /// here.
+  double loss_width = 1.0;
 };
 
 struct Sim3OptimizationResult {

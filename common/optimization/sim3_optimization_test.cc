@@ -62,11 +62,14 @@ Sim3OptimizationResult Optimize(const Scene& scene, const Sim3d& start, const Si
 }
 
 /// Distance of two similarities: the twist between them.
-Vector7d Difference(const Sim3d& found, const Sim3d& truth) { return LogSim3(found * truth.Inverse()); }
+Vector7d Difference(const Sim3d& found, const Sim3d& truth) {
+  return LogSim3(found * truth.Inverse());
+}
 
 using Linearization = bool (*)(const SideView&, const Eigen::Vector3d&, const Sim3d&, Eigen::Vector2d*, Sim3Jacobian*);
 
-void ExpectNumericJacobian(Linearization linearize, const SideView& view, const Eigen::Vector3d& point, const Sim3d& b_from_a) {
+void ExpectNumericJacobian(Linearization linearize, const SideView& view, const Eigen::Vector3d& point,
+                           const Sim3d& b_from_a) {
   constexpr double kStep = 1e-6;
   Eigen::Vector2d residual, plus, minus;
   Sim3Jacobian jacobian, unused;
@@ -83,8 +86,10 @@ void ExpectNumericJacobian(Linearization linearize, const SideView& view, const 
 TEST(LinearizeSim3Test, JacobiansAreTheNumericOnes) {
   const Scene scene = RandomScene(1, 30, 2, 0);
   for (const Sim3Match& match : scene.matches) {
-    for (const SideView& view : match.views_in_b) ExpectNumericJacobian(LinearizeInB, view, match.point_in_a, scene.b_from_a);
-    for (const SideView& view : match.views_in_a) ExpectNumericJacobian(LinearizeInA, view, match.point_in_b, scene.b_from_a);
+    for (const SideView& view : match.views_in_b)
+      ExpectNumericJacobian(LinearizeInB, view, match.point_in_a, scene.b_from_a);
+    for (const SideView& view : match.views_in_a)
+      ExpectNumericJacobian(LinearizeInA, view, match.point_in_b, scene.b_from_a);
   }
 }
 
@@ -182,7 +187,8 @@ TEST(OptimizeSim3Test, AFixedScaleStays) {
 TEST(OptimizeSim3Test, FindsTheInverseWithTheSidesExchanged) {
   const Scene scene = RandomScene(8, 100, 0.5, 0);
   std::vector<Sim3Match> exchanged;
-  for (const Sim3Match& m : scene.matches) exchanged.push_back({m.point_in_b, m.point_in_a, m.views_in_b, m.views_in_a});
+  for (const Sim3Match& m : scene.matches)
+    exchanged.push_back({m.point_in_b, m.point_in_a, m.views_in_b, m.views_in_a});
   const Sim3d b_from_a = Optimize(scene, scene.b_from_a).b_from_a;
   const Sim3d a_from_b = OptimizeSim3(exchanged, scene.b_from_a.Inverse()).b_from_a;
   EXPECT_LT(Difference(a_from_b.Inverse(), b_from_a).norm(), 1e-3);

@@ -7,7 +7,8 @@ namespace portolan {
 namespace {
 
 /// Bag similarity of all keyframes that share enough words with the query.
-std::map<KeyFrameId, double> ScoreKeyFrames(const std::vector<SharedWords>& shared, const Map& map, const CandidateOptions& options,
+std::map<KeyFrameId, double> ScoreKeyFrames(const std::vector<SharedWords>& shared, const Map& map,
+                                            const CandidateOptions& options,
                                             const std::function<bool(KeyFrameId)>& exclude) {
   std::map<KeyFrameId, double> scores;
   double min_words = 0;
@@ -22,13 +23,13 @@ std::map<KeyFrameId, double> ScoreKeyFrames(const std::vector<SharedWords>& shar
 
 }  // namespace
 
-std::vector<Candidate> FindCandidates(const BowVector& bow, const KeyFrameIndex& index, const Map& map, const CandidateOptions& options,
-                                      const std::function<bool(KeyFrameId)>& exclude) {
+std::vector<Candidate> FindCandidates(const BowVector& bow, const KeyFrameIndex& index, const Map& map,
+                                      const CandidateOptions& options, const std::function<bool(KeyFrameId)>& exclude) {
   return FindCandidates(index.Query(bow), map, options, exclude);
 }
 
-std::vector<Candidate> FindCandidates(const std::vector<SharedWords>& shared, const Map& map, const CandidateOptions& options,
-                                      const std::function<bool(KeyFrameId)>& exclude) {
+std::vector<Candidate> FindCandidates(const std::vector<SharedWords>& shared, const Map& map,
+                                      const CandidateOptions& options, const std::function<bool(KeyFrameId)>& exclude) {
   const std::map<KeyFrameId, double> scores = ScoreKeyFrames(shared, map, options, exclude);
   std::map<KeyFrameId, Candidate> best_of_group;
   double best_accumulated = 0;

@@ -13,7 +13,8 @@ struct CandidateOptions {
   double min_score = 0.75;        ///< of the best accumulated score (paper Sec. 5)
   size_t neighbours = 10;         ///< covisible keyframes over which scores are accumulated
   size_t most = 10;               ///< candidates returned
-  size_t most_scored = 0;         ///< keyframes with the most shared words whose scores are accumulated: bounds the time (0: all)
+  /// Keyframes with the most shared words whose scores are accumulated: bounds the time (0: all).
+  size_t most_scored = 0;
 };
 
 struct Candidate {
@@ -22,12 +23,13 @@ struct Candidate {
   double accumulated_score = 0;  ///< with those of its covisible keyframes
 };
 
-/// Keyframes of `map` that may show what `bow` shows (paper Sec. 3.1 and 5): scored by shared words, accumulated over covisible keyframes, those
-/// above 75 % of the best; of each group its best keyframe, once. Best first. `exclude` (may be null) leaves keyframes out.
-std::vector<Candidate> FindCandidates(const BowVector& bow, const KeyFrameIndex& index, const Map& map, const CandidateOptions& options,
-                                      const std::function<bool(KeyFrameId)>& exclude);
+/// Keyframes of `map` that may show what `bow` shows (paper Sec. 3.1 and 5): scored by shared words, accumulated over
+/// covisible keyframes, those above 75 % of the best; of each group its best keyframe, once. Best first. `exclude` (may
+/// be null) leaves keyframes out.
+std::vector<Candidate> FindCandidates(const BowVector& bow, const KeyFrameIndex& index, const Map& map,
+                                      const CandidateOptions& options, const std::function<bool(KeyFrameId)>& exclude);
 /// The same for what an index has found already (KeyFrameIndex::Query).
-std::vector<Candidate> FindCandidates(const std::vector<SharedWords>& shared, const Map& map, const CandidateOptions& options,
-                                      const std::function<bool(KeyFrameId)>& exclude);
+std::vector<Candidate> FindCandidates(const std::vector<SharedWords>& shared, const Map& map,
+                                      const CandidateOptions& options, const std::function<bool(KeyFrameId)>& exclude);
 
 }  // namespace portolan

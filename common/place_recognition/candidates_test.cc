@@ -121,7 +121,8 @@ TEST_F(CandidatesTest, OnlyThoseWithTheMostWordsAreScored) {
 }
 
 /// Ids of those that should be scored, by comparing with every bag.
-std::set<KeyFrameId> ScoredByComparison(const BowVector& bow, const KeyFrameIndex& index, const Map& map, const CandidateOptions& options,
+std::set<KeyFrameId> ScoredByComparison(const BowVector& bow, const KeyFrameIndex& index, const Map& map,
+                                        const CandidateOptions& options,
                                         const std::function<bool(KeyFrameId)>& exclude) {
   std::vector<std::pair<int, KeyFrameId>> shared;  // words, negative
   for (const auto& [id, keyframe] : map.keyframes()) {
@@ -145,7 +146,9 @@ TEST_F(CandidatesTest, ScoresWhatAComparisonWithAllWouldScore) {
     return std::vector<uint32_t>(words.begin(), words.end());
   };
   for (uint32_t number = 1; number <= 60; ++number) AddKeyFrame(number, draw_words());
-  for (uint32_t number = 1000; number < 1020; ++number) index_.Add(Id(number), std::make_shared<const BowVector>(Bag(draw_words())));  // of no map
+  // Of no map.
+  for (uint32_t number = 1000; number < 1020; ++number)
+    index_.Add(Id(number), std::make_shared<const BowVector>(Bag(draw_words())));
   CandidateOptions options;
   options.min_score = 0;  // nothing ties them: each that is scored is a candidate
   options.most = 100;
@@ -157,7 +160,8 @@ TEST_F(CandidatesTest, ScoresWhatAComparisonWithAllWouldScore) {
     const auto exclude = [&](KeyFrameId id) { return id.sequence() % 5 == left_out; };
     const std::vector<uint32_t> words = draw_words();
     const std::vector<KeyFrameId> candidates = Find(words, options, exclude);
-    EXPECT_EQ(std::set<KeyFrameId>(candidates.begin(), candidates.end()), ScoredByComparison(Bag(words), index_, map_, options, exclude));
+    EXPECT_EQ(std::set<KeyFrameId>(candidates.begin(), candidates.end()),
+              ScoredByComparison(Bag(words), index_, map_, options, exclude));
     found += candidates.size();
   }
   EXPECT_GT(found, 500u);

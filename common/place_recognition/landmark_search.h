@@ -47,8 +47,8 @@ struct LandmarkSearchResult {
 };
 
 /// Looks for landmarks of a map in an image whose camera is at camera_from_map (of that map): for each that should be
-/// visible the nearest descriptor in a small window, within one octave of the predicted one. Of several landmarks at one
-/// feature the closest descriptor wins. Derived fields of the landmarks must be up to date.
+/// visible the nearest descriptor in a small window, within one octave of the predicted one. Of several landmarks at
+/// one feature the closest descriptor wins. Derived fields of the landmarks must be up to date.
 LandmarkSearchResult FindLandmarks(const std::vector<const MapPoint*>& landmarks, const Rigid3d& camera_from_map,
                                    const KeyFrameData& image, const LandmarkSearchOptions& options);
 

@@ -71,8 +71,10 @@ TEST(FindLandmarksTest, CellsTellWhereSomethingIsMissing) {
   for (const MapPoint& point : changed) points.push_back(&point);
   const auto result = FindLandmarks(points, view.camera_from_world, *view.data, {});
   for (size_t cell = 0; cell < result.cells.size(); ++cell) {
-    if (cell % LandmarkSearchResult::kColumns < LandmarkSearchResult::kColumns / 2) EXPECT_EQ(result.cells[cell].found, 0);
-    else EXPECT_GE(result.cells[cell].Share(), result.cells[cell].expected > 0 ? 0.7 : 0);
+    if (cell % LandmarkSearchResult::kColumns < LandmarkSearchResult::kColumns / 2)
+      EXPECT_EQ(result.cells[cell].found, 0);
+    else
+      EXPECT_GE(result.cells[cell].Share(), result.cells[cell].expected > 0 ? 0.7 : 0);
   }
   EXPECT_NEAR(result.ShareOfCells(0.5), 0.5, 0.15);
 }

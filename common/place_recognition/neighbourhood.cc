@@ -22,7 +22,8 @@ std::vector<KeyFrameId> SelectKeyFrames(const Map& map, KeyFrameId keyframe, con
   return selected;
 }
 
-/// A set that is filled once, in one piece of memory: ten thousand sightings of some thousand landmarks, for each candidate that is verified.
+/// A set that is filled once, in one piece of memory: ten thousand sightings of some thousand landmarks, for each
+/// candidate that is verified.
 class SeenLandmarks {
  public:
   explicit SeenLandmarks(size_t most) {
@@ -72,7 +73,8 @@ std::vector<const MapPoint*> Neighbourhood::LandmarksByFeature(const KeyFrame& k
 
 std::vector<const MapPoint*> Neighbourhood::Landmarks(const Neighbourhood& other) const {
   size_t sightings = 0;
-  for (const KeyFrame* keyframe : keyframes_) sightings += static_cast<size_t>(keyframe->landmarks.end() - keyframe->landmarks.begin());
+  for (const KeyFrame* keyframe : keyframes_)
+    sightings += static_cast<size_t>(keyframe->landmarks.end() - keyframe->landmarks.begin());
   std::vector<const MapPoint*> landmarks;
   SeenLandmarks seen(sightings);
   for (const KeyFrame* keyframe : keyframes_) {

@@ -44,8 +44,10 @@ TEST(NeighbourhoodTest, WhatTheOtherSideOfOneMapSeesDoesNotCount) {
   const KeyFrameId first = scene.views[0].data->id, last = scene.views[9].data->id;
   int seen_by_last = 0;
   for (const MapPointId id : map.SortedPointIds()) {  // the last keyframe keeps every third landmark
-    if (id.sequence() % 3 != 0) map.RemoveObservation(id, last);
-    else seen_by_last += map.point(id).FindObservation(last) != nullptr ? 1 : 0;
+    if (id.sequence() % 3 != 0)
+      map.RemoveObservation(id, last);
+    else
+      seen_by_last += map.point(id).FindObservation(last) != nullptr ? 1 : 0;
   }
   ASSERT_GT(seen_by_last, 50);
   const Neighbourhood side(map, first, options), other(map, last, options);

@@ -4,7 +4,8 @@
 
 namespace portolan {
 
-bool Agree(const Sim3d& a, const Sim3d& b, const Eigen::Vector3d& centre_in_map, double median_depth, const PlaceAgreementOptions& options) {
+bool Agree(const Sim3d& a, const Sim3d& b, const Eigen::Vector3d& centre_in_map, double median_depth,
+           const PlaceAgreementOptions& options) {
   const Sim3d a_from_b = a * b.Inverse();
   if (std::abs(std::log(a_from_b.scale)) > std::log1p(options.max_scale_difference)) return false;
   const double degrees = a_from_b.rotation.angularDistance(Eigen::Quaterniond::Identity()) * 180 / M_PI;

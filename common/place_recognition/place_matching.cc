@@ -78,12 +78,10 @@ std::vector<LandmarkPair> MatchByWords(const Neighbourhood& query, const Neighbo
   std::vector<LandmarkPair> pairs;
   for (size_t k = 0; k < std::min(keyframes, candidate.keyframes().size()); ++k) {
     const KeyFrameData& second = *candidate.keyframes()[k]->data;
-    const std::vector<const MapPoint*> of_candidate =
-        candidate.LandmarksByFeature(*candidate.keyframes()[k], query);
-    const std::vector<FeatureMatch> matches =
-        MatchByNodes(first.features, first.nodes, second.features, second.nodes, options,
-                     [&](uint32_t i) { return of_query[i] != nullptr; },
-                     [&](uint32_t j) { return of_candidate[j] != nullptr; });
+    const std::vector<const MapPoint*> of_candidate = candidate.LandmarksByFeature(*candidate.keyframes()[k], query);
+    const std::vector<FeatureMatch> matches = MatchByNodes(
+        first.features, first.nodes, second.features, second.nodes, options,
+        [&](uint32_t i) { return of_query[i] != nullptr; }, [&](uint32_t j) { return of_candidate[j] != nullptr; });
     for (const FeatureMatch& match : matches) {
       pairs.push_back({match.first, of_query[match.first], of_candidate[match.second], match.distance});
     }
@@ -100,8 +98,7 @@ std::vector<LandmarkPair> MatchByProjection(const Neighbourhood& query, const Ne
   const std::vector<const MapPoint*> of_query = query.LandmarksByFeature(first, candidate);
   const std::vector<const MapPoint*> of_candidate = candidate.LandmarksByFeature(second, query);
   std::vector<LandmarkPair> pairs;
-  const Rigid3d query_from_candidate_map =
-      TransformPose(first.camera_from_map, query_map_from_candidate_map.Inverse());
+  const Rigid3d query_from_candidate_map = TransformPose(first.camera_from_map, query_map_from_candidate_map.Inverse());
   for (const FoundLandmark& found :
        FindLandmarks(candidate_landmarks, query_from_candidate_map, *first.data, options).found) {
     const MapPoint* at = of_query[found.feature];

@@ -13,10 +13,10 @@ namespace portolan {
 
 /// A landmark of the query's side and one of the candidate's side that look like one.
 struct LandmarkPair {
-  uint32_t feature = 0;                ///< of the query keyframe, which shows `query`
+  uint32_t feature = 0;  ///< of the query keyframe, which shows `query`
   const MapPoint* query = nullptr;
   const MapPoint* candidate = nullptr;
-  int distance = 0;                    ///< Hamming
+  int distance = 0;  ///< Hamming
 };
 
 /// Features of the query keyframe against those of the candidate and of its best neighbours in the same vocabulary
@@ -34,9 +34,9 @@ std::vector<LandmarkPair> MatchByProjection(const Neighbourhood& query, const Ne
                                             const Sim3d& query_map_from_candidate_map,
                                             const LandmarkSearchOptions& options);
 
-/// The pairs as measurements between the two keyframes' camera frames, a the candidate's and b the query's. Two views of
-/// each landmark on its side: the first keyframe that sees it (the candidate or the query itself, if they do), and of the
-/// others that farthest from it, for the scale. Points into the keyframes of both sides.
+/// The pairs as measurements between the two keyframes' camera frames, a the candidate's and b the query's. Two views
+/// of each landmark on its side: the first keyframe that sees it (the candidate or the query itself, if they do), and
+/// of the others that farthest from it, for the scale. Points into the keyframes of both sides.
 std::vector<Sim3Match> ToSim3Matches(const std::vector<LandmarkPair>& pairs, const Neighbourhood& query,
                                      const Neighbourhood& candidate);
 

@@ -18,7 +18,8 @@ struct TwoPasses {
   std::shared_ptr<const Vocabulary> vocabulary;
 };
 
-/// Gives the features of a view words, and what `appearance` says in place of their landmark's descriptor (may be null).
+/// Gives the features of a view words, and what `appearance` says in place of their landmark's descriptor (may be
+/// null).
 using Appearance = std::function<Descriptor(int landmark, const Descriptor&)>;
 inline void Finish(SyntheticView* view, const Vocabulary& vocabulary, const Appearance& appearance) {
   KeyFrameData data = *view->data;

@@ -18,7 +18,9 @@ double MedianError(const std::vector<FoundLandmark>& found) {
   return errors.empty() ? 0 : Quantile(std::move(errors), 0.5);
 }
 
-double Ratio(double part, double whole) { return whole > 0 ? part / whole : 0; }
+double Ratio(double part, double whole) {
+  return whole > 0 ? part / whole : 0;
+}
 
 /// The steps, one after another; each may end it with a reason.
 class Verification {
@@ -82,7 +84,8 @@ class Verification {
     PlaceEvidence& e = evidence();
     e.in_query = in_query.expected;
     e.in_candidate = in_candidate.expected;
-    e.share = std::sqrt(Ratio(e.in_query.Share(), candidate_own_share_) * Ratio(e.in_candidate.Share(), query_own_share));
+    e.share =
+        std::sqrt(Ratio(e.in_query.Share(), candidate_own_share_) * Ratio(e.in_candidate.Share(), query_own_share));
     e.cells = std::sqrt(in_query.ShareOfCells(options_.cell_share * candidate_own_share_) *
                         in_candidate.ShareOfCells(options_.cell_share * query_own_share));
     e.spread = in_query.Spread(*query_.keyframe().data);
@@ -107,7 +110,8 @@ class Verification {
       if (e.shares_asked.back() >= options_.min_neighbour_share) ++e.agreeing;
     }
     if (e.agreeing >= options_.min_agreeing) return Ok{};
-    return Error{fmt::format("{} of {} covisible keyframes agree, expected {}", e.agreeing, e.asked, options_.min_agreeing)};
+    return Error{
+        fmt::format("{} of {} covisible keyframes agree, expected {}", e.agreeing, e.asked, options_.min_agreeing)};
   }
 
   const VerifiedPlace& place() const { return place_; }
@@ -134,17 +138,21 @@ class Verification {
                                options_.min_group_inliers)};
     }
     if (std::min(e.in_query.expected, e.in_candidate.expected) < options_.min_expected)
-      return Error{fmt::format("too few landmarks in view to judge by ({}), expected {}", counts, options_.min_expected)};
+      return Error{
+          fmt::format("too few landmarks in view to judge by ({}), expected {}", counts, options_.min_expected)};
     if (e.share < options_.min_share) {
-      return Error{fmt::format("{:.0f} % of what should be in view found ({}), expected {:.0f} %", 100 * e.share, counts,
-                               100 * options_.min_share)};
+      return Error{fmt::format("{:.0f} % of what should be in view found ({}), expected {:.0f} %", 100 * e.share,
+                               counts, 100 * options_.min_share)};
     }
     if (e.spread < options_.min_spread)
-      return Error{fmt::format("found in {:.0f} % of the image, expected {:.0f} %", 100 * e.spread, 100 * options_.min_spread)};
+      return Error{
+          fmt::format("found in {:.0f} % of the image, expected {:.0f} %", 100 * e.spread, 100 * options_.min_spread)};
     if (e.Weight() < options_.min_weight) {
-      return Error{fmt::format("weight {:.1f}, expected {:.0f}: {:.0f} % of what should be in view found ({}), in {:.0f} % of the cells where "
-                               "it should be, in {:.0f} % of the image; {} inliers",
-                               e.Weight(), options_.min_weight, 100 * e.share, counts, 100 * e.cells, 100 * e.spread, e.inliers)};
+      return Error{fmt::format(
+          "weight {:.1f}, expected {:.0f}: {:.0f} % of what should be in view found ({}), in {:.0f} % of the cells "
+          "where "
+          "it should be, in {:.0f} % of the image; {} inliers",
+          e.Weight(), options_.min_weight, 100 * e.share, counts, 100 * e.cells, 100 * e.spread, e.inliers)};
     }
     return Ok{};
   }
@@ -181,11 +189,12 @@ std::string ToString(const PlaceEvidence& e) {
   std::string asked;
   for (const double share : e.shares_asked) asked += fmt::format(" {:.0f}", 100 * share);
   return fmt::format(
-      "{} by words, RANSAC {}, {} inliers, found {} of {} and back {} of {}: {:.0f} %, in {:.0f} % of the cells, in {:.0f} % of the image: "
+      "{} by words, RANSAC {}, {} inliers, found {} of {} and back {} of {}: {:.0f} %, in {:.0f} % of the cells, in "
+      "{:.0f} % of the image: "
       "weight {:.1f}; error {:.1f} px, {} of {} keyframes agree ({} %)",
-      e.word_matches, e.ransac_inliers, e.inliers, e.in_query.found, e.in_query.expected, e.in_candidate.found, e.in_candidate.expected,
-      100 * e.share, 100 * e.cells, 100 * e.spread, e.Weight(), e.median_error_px, e.agreeing, e.asked,
-      asked.empty() ? "none" : asked.substr(1));
+      e.word_matches, e.ransac_inliers, e.inliers, e.in_query.found, e.in_query.expected, e.in_candidate.found,
+      e.in_candidate.expected, 100 * e.share, 100 * e.cells, 100 * e.spread, e.Weight(), e.median_error_px, e.agreeing,
+      e.asked, asked.empty() ? "none" : asked.substr(1));
 }
 
 Result<VerifiedPlace> VerifyPlace(const Map& query_map, KeyFrameId query, const Map& candidate_map,

@@ -30,13 +30,13 @@ struct Sim3VerificationOptions {
   // whole houses come again, mostly turned by 90 degrees, and on a synthetic town of five house fronts: 1400 wrong
   // similarities reach 116 inliers or shares of 63 %, but a weight of 11.3 at most. Of keyframes with a right one, 61 %
   // (the two halves of kitchen as two maps) to 96 % (town_lap) have one above 17.
-  int min_word_matches = 20;   ///< landmarks matched by words: spares RANSAC most wrong candidates
-  int min_inliers = 20;        ///< landmark pairs on which the refined similarity agrees
-  int min_group_inliers = 40;  ///< landmarks of the candidate's side found in the query keyframe
-  int min_expected = 30;       ///< landmarks that should be found, either way: fewer tell no share
-  double min_share = 0.25;     ///< see PlaceEvidence
-  double min_spread = 0.1;     ///< see PlaceEvidence
-  double min_weight = 17;      ///< see PlaceEvidence; half as much again as the best wrong place
+  int min_word_matches = 20;         ///< landmarks matched by words: spares RANSAC most wrong candidates
+  int min_inliers = 20;              ///< landmark pairs on which the refined similarity agrees
+  int min_group_inliers = 40;        ///< landmarks of the candidate's side found in the query keyframe
+  int min_expected = 30;             ///< landmarks that should be found, either way: fewer tell no share
+  double min_share = 0.25;           ///< see PlaceEvidence
+  double min_spread = 0.1;           ///< see PlaceEvidence
+  double min_weight = 17;            ///< see PlaceEvidence; half as much again as the best wrong place
   size_t consistency_keyframes = 5;  ///< the query's best covisible keyframes that are asked
   double min_neighbour_share = 0.2;  ///< of what should be found, in each of them
   int min_agreeing = 3;              ///< of them
@@ -54,14 +54,14 @@ struct PlaceEvidence {
   int inliers = 0;             ///< landmark pairs of the refined similarity
   double median_error_px = 0;  ///< of the candidate side's landmarks in the query, pixels of their pyramid levels
   ExpectedLandmarks in_query, in_candidate;  ///< landmarks that should be found in each, were it one place
-  double share = 0;    ///< of the landmarks that should be found, both ways: a look-alike lacks what is around it
-  double cells = 0;    ///< of the image's cells where landmarks should be found, both ways
-  double spread = 0;   ///< share of the query image's cells with a landmark found
-  int asked = 0, agreeing = 0;         ///< the query's covisible keyframes which should see enough, and which agree
-  std::vector<double> shares_asked;    ///< of each of them
+  double share = 0;   ///< of the landmarks that should be found, both ways: a look-alike lacks what is around it
+  double cells = 0;   ///< of the image's cells where landmarks should be found, both ways
+  double spread = 0;  ///< share of the query image's cells with a landmark found
+  int asked = 0, agreeing = 0;       ///< the query's covisible keyframes which should see enough, and which agree
+  std::vector<double> shares_asked;  ///< of each of them
 
-  /// Landmarks found (both ways), discounted by what is missing: in number, by parts of the image, and by the part of the
-  /// image that shows any. Tells places from look-alikes better than the inliers or any of the shares alone.
+  /// Landmarks found (both ways), discounted by what is missing: in number, by parts of the image, and by the part of
+  /// the image that shows any. Tells places from look-alikes better than the inliers or any of the shares alone.
   double Weight() const;
 };
 
@@ -70,11 +70,13 @@ std::string ToString(const PlaceEvidence& evidence);
 
 /// A place that was seen twice.
 struct VerifiedPlace {
-  Sim3d query_from_candidate;  ///< query keyframe's camera frame (its map's units) from candidate keyframe's (its map's)
+  /// Query keyframe's camera frame (its map's units) from candidate keyframe's (its map's).
+  Sim3d query_from_candidate;
   std::vector<std::pair<MapPointId, MapPointId>> matches;  ///< inliers: landmark of the query's map, of the candidate's
-  std::vector<std::pair<uint32_t, MapPointId>> seen;  ///< (feature of the query keyframe, landmark of the candidate's
-                                                      ///< side that it sees); those of the matches are among them
-  int inliers = 0;                                    ///< of the refined similarity
+  /// (feature of the query keyframe, landmark of the candidate's side that it sees); those of the matches are among
+  /// them.
+  std::vector<std::pair<uint32_t, MapPointId>> seen;
+  int inliers = 0;        ///< of the refined similarity
   int group_inliers = 0;  ///< landmarks of the candidate's whole neighbourhood found in the query keyframe
   PlaceEvidence evidence;
 };

@@ -91,7 +91,8 @@ TEST(VerifyPlaceTest, FindsALoopWithScaleDriftInOneMap) {
   const double drift = 1.3;
   AddPass(passes.second, Sim3d(drift, ExpSO3({0.05, -0.1, 0.02}), {0.5, -0.2, 0.3}), &map);
   for (const size_t query : {0, 5, 9}) {
-    const auto place = VerifyPlace(map, passes.second.views[query].data->id, map, passes.first.views[kCandidate].data->id, {});
+    const auto place =
+        VerifyPlace(map, passes.second.views[query].data->id, map, passes.first.views[kCandidate].data->id, {});
     ASSERT_TRUE(place.ok()) << ReasonOf(place);
     const Sim3d truth = TrueSimilarity(passes.second.views[query], drift, passes.first.views[kCandidate], 1);
     EXPECT_THAT(place->query_from_candidate, Sim3Near(truth, PoseTolerance{1e-4, 1e-4}, 1e-4));
@@ -99,9 +100,9 @@ TEST(VerifyPlaceTest, FindsALoopWithScaleDriftInOneMap) {
 }
 
 TEST(VerifyPlaceTest, NoiseLeavesAnErrorOfItsSize) {
-  // Landmarks are off by 0.02 of 5 units to each side, more than the pixels (0.5 of 500 on the lowest level): each of 200
-  // tells a direction to 4 mrad, and the scale, over views 0.25 rad apart, to 2 %. That is 0.3 mrad and 0.15 % together;
-  // 6 times as much is allowed.
+  // Landmarks are off by 0.02 of 5 units to each side, more than the pixels (0.5 of 500 on the lowest level): each of
+  // 200 tells a direction to 4 mrad, and the scale, over views 0.25 rad apart, to 2 %. That is 0.3 mrad and 0.15 %
+  // together; 6 times as much is allowed.
   SyntheticSceneOptions options = SceneOptions();
   options.pixel_sigma_px = 0.5;
   const TwoMaps maps(MakeTwoPasses(options), 0.02);
@@ -130,7 +131,8 @@ TEST(VerifyPlaceTest, AFixedScaleStaysOne) {
   AddPass(passes.second, Sim3d(1, ExpSO3({0.05, -0.1, 0.02}), {0.5, -0.2, 0.3}), &map);
   Sim3VerificationOptions options;
   options.fix_scale = true;
-  const auto place = VerifyPlace(map, passes.second.views[kQuery].data->id, map, passes.first.views[kCandidate].data->id, options);
+  const auto place =
+      VerifyPlace(map, passes.second.views[kQuery].data->id, map, passes.first.views[kCandidate].data->id, options);
   ASSERT_TRUE(place.ok()) << ReasonOf(place);
   EXPECT_EQ(place->query_from_candidate.scale, 1);
 }
@@ -188,7 +190,9 @@ TEST(VerifyPlaceTest, KeyFramesWithoutWordsAreRefused) {
 
 TEST(VerifyPlaceTest, AnotherPlaceIsRefused) {
   Random random(7);
-  const auto place = TwoMaps(MakeTwoPasses(SceneOptions(), [&](int, const Descriptor&) { return RandomDescriptor(&random); })).Verify();
+  const auto place = TwoMaps(MakeTwoPasses(SceneOptions(), [&](int, const Descriptor&) {
+                       return RandomDescriptor(&random);
+                     })).Verify();
   EXPECT_THAT(ReasonOf(place), HasSubstr("landmarks matched by words, expected"));
 }
 
@@ -202,7 +206,8 @@ Appearance DifferentWhere(const std::function<bool(int)>& is_different) {
 }
 
 TEST(VerifyPlaceTest, ALookAlikeIsToldByWhatIsMissing) {
-  // Every fifth landmark is the same, at the same place, as with equal doors in a corridor: 80 matches in full agreement.
+  // Every fifth landmark is the same, at the same place, as with equal doors in a corridor: 80 matches in full
+  // agreement.
   const auto place = TwoMaps(MakeTwoPasses(SceneOptions(), DifferentWhere([](int i) { return i % 5 != 0; }))).Verify();
   EXPECT_THAT(ReasonOf(place), HasSubstr("% of what should be in view found"));
 }

@@ -15,7 +15,9 @@ namespace portolan {
 ResourceUse MeasureResources() {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
-  const auto seconds = [](const timeval& t) { return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec); };
+  const auto seconds = [](const timeval& t) {
+    return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
+  };
   long pages = 0, resident_pages = 0;
   std::ifstream("/proc/self/statm") >> pages >> resident_pages;
   std::error_code none;
@@ -29,10 +31,12 @@ ResourceUse MeasureResources() {
 }
 
 nlohmann::json SummarizeTimes(const std::vector<double>& milliseconds) {
-  return {{"median", Quantile(milliseconds, 0.5)}, {"p95", Quantile(milliseconds, 0.95)}, {"count", milliseconds.size()}};
+  return {
+      {"median", Quantile(milliseconds, 0.5)}, {"p95", Quantile(milliseconds, 0.95)}, {"count", milliseconds.size()}};
 }
 
-nlohmann::json MakeReport(const ProcessOptions& options, const std::string& priority, const StageTimes& times, const Bus& bus) {
+nlohmann::json MakeReport(const ProcessOptions& options, const std::string& priority, const StageTimes& times,
+                          const Bus& bus) {
   const ResourceUse resources = MeasureResources();
   nlohmann::json report = {{"role", options.role},
                            {"build", BuildDescription()},
@@ -49,8 +53,11 @@ nlohmann::json MakeReport(const ProcessOptions& options, const std::string& prio
     if (counters.sent_bytes > 0) report["bytes_sent"][topic] = counters.sent_bytes;
     if (counters.received_bytes > 0) report["bytes_received"][topic] = counters.received_bytes;
     nlohmann::json& counted = report["counters"][topic];
-    counted = {{"sent", counters.sent},           {"received", counters.received},           {"malformed", counters.malformed},
-               {"send_failures", counters.send_failures}, {"lost", counters.lost}};
+    counted = {{"sent", counters.sent},
+               {"received", counters.received},
+               {"malformed", counters.malformed},
+               {"send_failures", counters.send_failures},
+               {"lost", counters.lost}};
   }
   return report;
 }

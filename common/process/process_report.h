@@ -25,9 +25,11 @@ nlohmann::json SummarizeTimes(const std::vector<double>& milliseconds);
 
 /// The part of a process's report that all roles share: role, build, dds, priority, peak_memory_mb, cpu_s, stages_ms,
 /// bytes_sent, counters.
-nlohmann::json MakeReport(const ProcessOptions& options, const std::string& priority, const StageTimes& times, const Bus& bus);
+nlohmann::json MakeReport(const ProcessOptions& options, const std::string& priority, const StageTimes& times,
+                          const Bus& bus);
 
-/// Writes OUT/<role>.json, whole or not at all; nothing without an output folder. The launcher merges the reports into summary.json.
+/// Writes OUT/<role>.json, whole or not at all; nothing without an output folder. The launcher merges the reports into
+/// summary.json.
 Status WriteReport(const ProcessOptions& options, const nlohmann::json& report);
 
 }  // namespace portolan

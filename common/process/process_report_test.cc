@@ -53,7 +53,8 @@ TEST(ProcessReport, IsWrittenWhole) {
   ASSERT_TRUE(WriteReport(options, {{"role", "loop_closer"}}));
   std::ifstream file(folder.path() + "/loop_closer.json");
   EXPECT_EQ(nlohmann::json::parse(file)["role"], "loop_closer");
-  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), std::filesystem::directory_iterator()), 1);
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), std::filesystem::directory_iterator()),
+            1);
 }
 
 TEST(ProcessReport, NamesTheFileThatCannotBeWritten) {

@@ -7,12 +7,14 @@
 #include <map>
 #include <utility>
 
+#include "base/command_line.h"
 #include "version/version.h"
 
 namespace portolan {
 namespace {
 
-/// The paper's order of threads (Sec. 2): tracking highest, multiple mapping lowest. Levels from 0 upwards need no permission.
+/// The paper's order of threads (Sec. 2): tracking highest, multiple mapping lowest. Levels from 0 upwards need no
+/// permission.
 const std::map<std::string, int> kDefaultNice = {
     {"frontend_tracker", 0}, {"backend_mapper", 4}, {"loop_closer", 8}, {"atlas_server", 12}};
 
@@ -95,10 +97,14 @@ ProcessSetup ProcessSetup::Make(const std::string& role, const std::string& desc
   std::string config_file;
   std::vector<std::string> sets, assignments;
   app.add_option("--config", config_file, "YAML file that configures the run (docs/configuration.md)");
-  app.add_option("--set", sets, "one value over the file: section.key=value (repeatable)")->take_all()->expected(1)->allow_extra_args(false);
+  app.add_option("--set", sets, "one value over the file: section.key=value (repeatable)")
+      ->take_all()
+      ->expected(1)
+      ->allow_extra_args(false);
   const auto flag_for = [&](const char* flag, const char* key, const char* help) {
     app.add_option_function<std::string>(
-        flag, [&assignments, key](const std::string& value) { assignments.push_back(std::string(key) + "=" + value); }, help);
+        flag, [&assignments, key](const std::string& value) { assignments.push_back(std::string(key) + "=" + value); },
+        help);
   };
   flag_for("--robot", "robot", "number of the robot, 0 to 65535 (default 0)");
   flag_for("--dds", "dds.vendor", "fastdds or cyclonedds (default fastdds)");
@@ -107,16 +113,12 @@ ProcessSetup ProcessSetup::Make(const std::string& role, const std::string& desc
   flag_for("--out", "out", "folder for results and logs");
   flag_for("--log-level", "log.level", "trace, debug, info, warn, error or off");
   if (role != "frontend_tracker") {  // the camera is but one
-    app.add_flag("--standby", setup.options.standby, "wait, and follow, to take the place of the one that runs (docs/swap.md)");
+    app.add_flag("--standby", setup.options.standby,
+                 "wait, and follow, to take the place of the one that runs (docs/swap.md)");
   }
   if (add_flags) add_flags(&app, &assignments);
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    const int code = app.exit(error);
-    setup.exit_code = code == 0 ? kExitOk : kExitBadInput;
-    return setup;
-  }
+  setup.exit_code = ParseCommandLine(&app, argc, argv);
+  if (setup.exit_code) return setup;
   assignments.insert(assignments.end(), sets.begin(), sets.end());
   Result<ConfigReader> config = ReadConfig(config_file, assignments);
   if (!config) {

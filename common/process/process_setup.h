@@ -17,16 +17,17 @@ namespace portolan {
 /// Exit codes of every Portolan process, for scripts.
 enum ExitCode {
   kExitOk = 0,
-  kExitFailure = 1,       ///< something went wrong while running
-  kExitBadInput = 2,      ///< usage, configuration, calibration, vocabulary or data
-  kExitUnreachable = 3,   ///< a process that is needed did not show up
-  kExitRefused = 4,       ///< another process has the place already (a second mapper of a robot)
-  kExitInterrupted = 130, ///< the user stopped a run before its end
+  kExitFailure = 1,        ///< something went wrong while running
+  kExitBadInput = 2,       ///< usage, configuration, calibration, vocabulary or data
+  kExitUnreachable = 3,    ///< a process that is needed did not show up
+  kExitRefused = 4,        ///< another process has the place already (a second mapper of a robot)
+  kExitInterrupted = 130,  ///< the user stopped a run before its end
 };
 
-/// What every process is started with: one YAML file for the whole run, single values from the command line over it, defaults in code.
+/// What every process is started with: one YAML file for the whole run, single values from the command line over it,
+/// defaults in code.
 struct ProcessOptions {
-  std::string role;             ///< frontend_tracker, backend_mapper, loop_closer, atlas_server; or tool
+  std::string role;  ///< frontend_tracker, backend_mapper, loop_closer, atlas_server; or tool
   RobotId robot = 0;
   BusOptions bus;
   PriorityOptions priority;
@@ -34,7 +35,8 @@ struct ProcessOptions {
   std::string out;              ///< folder for results and logs; empty: none are written
   std::string log_folder;       ///< of ROLE.log; empty: there is none
   std::string vocabulary_file;  ///< empty: the default vocabulary
-  bool standby = false;         ///< follows, and waits to take the place of another process of its role; not of a frontend_tracker
+  /// Follows, and waits to take the place of another process of its role; not of a frontend_tracker.
+  bool standby = false;
 };
 
 /// A process on its way to start: the command line is parsed, the options are read, the log is set up.
@@ -52,11 +54,12 @@ class ProcessSetup {
 
   std::optional<int> exit_code;
   ProcessOptions options;
-  ProcessId process;   ///< drawn at start
+  ProcessId process;  ///< drawn at start
   uint32_t session = 0;
 };
 
-/// Reads the sections that all processes share (robot, dds, priority, log, vocabulary, out) and passes over those of the other roles.
+/// Reads the sections that all processes share (robot, dds, priority, log, vocabulary, out) and passes over those of
+/// the other roles.
 Status ReadProcessOptions(ConfigReader* config, ProcessOptions* options);
 
 }  // namespace portolan

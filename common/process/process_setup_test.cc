@@ -18,7 +18,8 @@ ProcessSetup Make(std::vector<std::string> arguments, std::string role = "backen
   arguments.insert(arguments.begin(), "portolan");
   std::vector<char*> argv;
   for (std::string& argument : arguments) argv.push_back(argument.data());
-  return ProcessSetup::Make(role, "test", static_cast<int>(argv.size()), argv.data(), nullptr, [](ConfigReader*) { return Status(Ok{}); });
+  return ProcessSetup::Make(role, "test", static_cast<int>(argv.size()), argv.data(), nullptr,
+                            [](ConfigReader*) { return Status(Ok{}); });
 }
 
 /// What a failed start says.
@@ -55,7 +56,8 @@ TEST(ProcessSetup, LogsGoToTheirFolderAndRotateAsConfigured) {
   const ProcessSetup by_out = Make({"--out", folder.Path("out")});
   EXPECT_EQ(by_out.options.log.file, folder.Path("out") + "/logs/backend_mapper.log");
   const std::string logs = folder.Path("var/log");
-  const ProcessSetup setup = Make({"--out", folder.Path("out"), "--set", "log.folder=" + logs, "--set", "log.file_mb=1", "--set", "log.files=2"});
+  const ProcessSetup setup = Make(
+      {"--out", folder.Path("out"), "--set", "log.folder=" + logs, "--set", "log.file_mb=1", "--set", "log.files=2"});
   ASSERT_FALSE(setup.exit_code);
   ::testing::internal::CaptureStderr();
   for (int i = 0; i < 5000; ++i) spdlog::info("{:1000}", i);  // 5 MB
@@ -94,7 +96,9 @@ TEST(ProcessSetup, AllButTheTrackerMayStandBy) {
   EXPECT_THAT(::testing::internal::GetCapturedStderr(), HasSubstr("--standby"));
 }
 
-TEST(ProcessSetup, TwoProcessesDrawDifferentSessions) { EXPECT_NE(Make({}).session, Make({}).session); }
+TEST(ProcessSetup, TwoProcessesDrawDifferentSessions) {
+  EXPECT_NE(Make({}).session, Make({}).session);
+}
 
 TEST(ProcessSetup, HelpEndsWithSuccess) {
   ::testing::internal::CaptureStdout();

@@ -11,11 +11,12 @@
 namespace portolan {
 namespace {
 
-constexpr size_t kLoopCapacity =
-    4096;  // events: several seconds of keyframes and deltas, for a process that falls behind
+// Events: several seconds of keyframes and deltas, for a process that falls behind.
+constexpr size_t kLoopCapacity = 4096;
 
-/// One arena and a fixed limit above which memory comes from the system and goes back to it: what a thread frees serves the others, and
-/// the arrays of a big bundle adjustment don't stay. Allocations are too few for the threads to wait for each other.
+/// One arena and a fixed limit above which memory comes from the system and goes back to it: what a thread frees serves
+/// the others, and the arrays of a big bundle adjustment don't stay. Allocations are too few for the threads to wait
+/// for each other.
 void KeepHeapSmall() {
   constexpr int kMappedBytes = 4 << 20;
   mallopt(M_ARENA_MAX, 1);
@@ -45,8 +46,8 @@ void TellSecurity(const BusOptions& options) {
   if (!credentials) return;  // since the bus was made
   constexpr int64_t kDayS = 86400, kWarnDays = 14;
   const int64_t days = (credentials->expires_s - now_s) / kDayS;
-  spdlog::log(days < kWarnDays ? spdlog::level::warn : spdlog::level::info,
-              "DDS Security is on: {}, for {} more days", credentials->subject, days);
+  spdlog::log(days < kWarnDays ? spdlog::level::warn : spdlog::level::info, "DDS Security is on: {}, for {} more days",
+              credentials->subject, days);
 }
 
 }  // namespace

@@ -10,8 +10,8 @@
 
 namespace portolan {
 
-SnapshotSender::SnapshotSender(Writer<KeyFrameMessage>* keyframe_writer, Writer<MapDeltaChunk>* delta_writer, uint64_t vocabulary_hash,
-                               FindMap find_map, LoadData load)
+SnapshotSender::SnapshotSender(Writer<KeyFrameMessage>* keyframe_writer, Writer<MapDeltaChunk>* delta_writer,
+                               uint64_t vocabulary_hash, FindMap find_map, LoadData load)
     : keyframe_writer_(keyframe_writer),
       delta_writer_(delta_writer),
       vocabulary_hash_(vocabulary_hash),
@@ -47,8 +47,8 @@ bool SnapshotSender::SendPiece(double now_s) {
   last_piece_s_ = now_s;
   const Progress progress = Continue(&job, *map);
   if (progress == Progress::kDone) {
-    spdlog::info("sent map {} at revision {}: {} of {} keyframes, {:.2f} s", ToString(job.map), job.revision, job.keyframes,
-                 map->keyframes().size(), now_s - job.since_s);
+    spdlog::info("sent map {} at revision {}: {} of {} keyframes, {:.2f} s", ToString(job.map), job.revision,
+                 job.keyframes, map->keyframes().size(), now_s - job.since_s);
   } else if (progress != Progress::kFailed) {
     jobs_.push_back(std::move(job));
   }
@@ -60,7 +60,8 @@ SnapshotSender::Progress SnapshotSender::Continue(Job* job, const Map& map) {
     const Progress keyframes = SendKeyFrames(job, map);
     if (keyframes != Progress::kDone) return keyframes;
     job->revision = map.revision();
-    for (MapDeltaChunk& chunk : SplitDelta(map.Snapshot(), kDeltaChunkElements)) job->chunks.push_back(std::move(chunk));
+    for (MapDeltaChunk& chunk : SplitDelta(map.Snapshot(), kDeltaChunkElements))
+      job->chunks.push_back(std::move(chunk));
   }
   const Progress chunks = SendChunks(job);
   if (chunks == Progress::kDone) ++sent_;

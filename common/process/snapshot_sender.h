@@ -14,10 +14,10 @@
 
 namespace portolan {
 
-/// Answers SnapshotRequests for a process that holds maps: the keyframe data that the askers lack, then the map's state,
-/// in pieces. A piece goes when all readers have acknowledged the one before, so that a map of any size floods neither the
-/// writers' history nor the readers'; what a writer refuses is tried again. Time is given in seconds of any steady clock.
-/// Not thread-safe.
+/// Answers SnapshotRequests for a process that holds maps: the keyframe data that the askers lack, then the map's
+/// state, in pieces. A piece goes when all readers have acknowledged the one before, so that a map of any size floods
+/// neither the writers' history nor the readers'; what a writer refuses is tried again. Time is given in seconds of any
+/// steady clock. Not thread-safe.
 ///
 ///   SnapshotSender sender(keyframe_writer, delta_writer, vocabulary_hash, find_map, load);
 ///   sender.Add(request);
@@ -30,10 +30,11 @@ class SnapshotSender {
   /// Of a keyframe of a map: its whole data, read from where it is stored if memory has it bare.
   using LoadData = std::function<Result<KeyFrameData>(const KeyFrameData&)>;
 
-  SnapshotSender(Writer<KeyFrameMessage>* keyframe_writer, Writer<MapDeltaChunk>* delta_writer, uint64_t vocabulary_hash, FindMap find_map,
-                 LoadData load);
+  SnapshotSender(Writer<KeyFrameMessage>* keyframe_writer, Writer<MapDeltaChunk>* delta_writer,
+                 uint64_t vocabulary_hash, FindMap find_map, LoadData load);
 
-  /// One that repeats itself while its map is being sent changes nothing: what is on its way to it is not in its list yet.
+  /// One that repeats itself while its map is being sent changes nothing: what is on its way to it is not in its list
+  /// yet.
   void Add(const SnapshotRequest& request);
 
   /// Sends a piece of the map whose turn it is; blocks for kAckWaitS and what the writers do at most.

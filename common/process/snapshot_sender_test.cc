@@ -44,7 +44,8 @@ class SnapshotSenderTest : public ::testing::Test {
       : map_(MapId(0, 1, 1), 3),
         edits_(1, &map_),
         sender_(
-            &keyframes_, &chunks_, kVocabulary, [this](MapId id) { return is_here_ && id == map_.id() ? &map_ : nullptr; },
+            &keyframes_, &chunks_, kVocabulary,
+            [this](MapId id) { return is_here_ && id == map_.id() ? &map_ : nullptr; },
             [this](const KeyFrameData& data) {
               return can_load_ ? Result<KeyFrameData>(data) : Result<KeyFrameData>(Error{"the file is gone"});
             }) {
@@ -80,7 +81,8 @@ TEST_F(SnapshotSenderTest, AReplicaIsBroughtUpToTheMap) {
   MapReplica replica(map_.id());
   sender_.Add(replica.MakeRequest(kAsker));
   EXPECT_FALSE(sender_.IsIdle());
-  EXPECT_EQ(SendAll(), static_cast<int>((map_.keyframes().size() + SnapshotSender::kKeyFramesAPiece - 1) / SnapshotSender::kKeyFramesAPiece));
+  EXPECT_EQ(SendAll(), static_cast<int>((map_.keyframes().size() + SnapshotSender::kKeyFramesAPiece - 1) /
+                                        SnapshotSender::kKeyFramesAPiece));
   EXPECT_TRUE(sender_.IsIdle());
   EXPECT_EQ(sender_.sent(), 1u);
   EXPECT_EQ(keyframes_.written[0].kind, KeyFrameKind::kCopy);

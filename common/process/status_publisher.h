@@ -10,14 +10,15 @@
 
 namespace portolan {
 
-/// Publishes a process's word about itself on process_status, and asserts its liveliness. To be called from the worker thread: a worker that
-/// hangs is to be noticed.
+/// Publishes a process's word about itself on process_status, and asserts its liveliness. To be called from the worker
+/// thread: a worker that hangs is to be noticed.
 class StatusPublisher {
  public:
   StatusPublisher(Bus* bus, const ProcessSetup& setup, const std::string& priority);
 
   /// What changes: the state in words, the map it works on, and figures by name. The bus's bytes and drops are added.
-  void Publish(const std::string& state, MapId map, Epoch epoch, Revision revision, std::vector<std::pair<std::string, double>> figures);
+  void Publish(const std::string& state, MapId map, Epoch epoch, Revision revision,
+               std::vector<std::pair<std::string, double>> figures);
   void AssertLiveliness() { writer_->AssertLiveliness(); }
 
  private:

@@ -16,8 +16,8 @@ struct DriftOptions {
   Eigen::Vector3d turn_step = Eigen::Vector3d::Zero();  ///< rotation vector on top of each step, rad
   double pose_sigma = 0;   ///< noise of each pose: of the translation, map units, and the rotation, rad
   double point_sigma = 0;  ///< noise of points, map units
-  int revisit_gap =
-      20;  ///< a landmark unseen for more than so many views and seen again is a new point: the loop is open
+  /// A landmark unseen for more than so many views and seen again is a new point: the loop is open.
+  int revisit_gap = 20;
   uint64_t seed = 1;
 };
 

@@ -13,8 +13,8 @@ struct MapBuilderOptions {
   int min_observations = 2;    ///< landmarks seen by fewer keyframes stay out
   bool keep_outliers = false;  ///< whether features of a wrong location are observations too
   Sim3d map_from_world;        ///< the map's own frame and scale
-  double pose_sigma =
-      0;  ///< noise on the poses of all but the first camera: of the translation, map units, and the rotation, rad
+  /// Noise on the poses of all but the first camera: of the translation, map units, and the rotation, rad.
+  double pose_sigma = 0;
   double point_sigma = 0;  ///< noise on points, map units
   uint64_t seed = 1;
 };

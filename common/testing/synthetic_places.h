@@ -10,12 +10,12 @@ namespace portolan {
 /// centred on the grid lines; the middle block is centred on the origin.
 struct TownOptions {
   uint64_t seed = 1;
-  int texture_px = 1024;        ///< side of a facade's picture (power of two): about 1 cm a texel on a 10 m front
-  double block_x = 38;          ///< m, extent of a block of houses along x ...
-  double block_y = 30;          ///< ... and y
-  double street_width = 12;     ///< m, from front to front
-  bool repeat_facades = false;  ///< look-alike places: every house one of five fronts of one width, no boxes or cars to
-                                ///< tell them apart by
+  int texture_px = 1024;     ///< side of a facade's picture (power of two): about 1 cm a texel on a 10 m front
+  double block_x = 38;       ///< m, extent of a block of houses along x ...
+  double block_y = 30;       ///< ... and y
+  double street_width = 12;  ///< m, from front to front
+  /// Look-alike places: every house one of five fronts of one width, no boxes or cars to tell them apart by.
+  bool repeat_facades = false;
 };
 SyntheticWorld MakeTown(const TownOptions& options);
 

@@ -37,15 +37,15 @@ struct SyntheticSceneOptions {
   CameraMotion motion = CameraMotion::kSideways;
   int num_landmarks = 500;
   int num_views = 10;
-  double depth = 5.0;   ///< world units
-  double travel = 2.0;  ///< length of the cameras' way in world units (of the arc for kOrbit); for kPureRotation its
-                        ///< angle is travel / depth
-  double lap = 40.0;    ///< length of the circular street, world units
-  double sight = 0;     ///< landmarks farther than this many world units are not seen; 0: no limit
+  double depth = 5.0;  ///< world units
+  /// Length of the cameras' way in world units (of the arc for kOrbit); for kPureRotation its angle is travel / depth.
+  double travel = 2.0;
+  double lap = 40.0;            ///< length of the circular street, world units
+  double sight = 0;             ///< landmarks farther than this many world units are not seen; 0: no limit
   double pixel_sigma_px = 0.0;  ///< noise of a feature at level 0; grows with its level's scale
   double outlier_ratio = 0.0;   ///< share of a view's landmark features whose location is drawn anew over the image
-  double descriptor_flip_ratio =
-      0.0;              ///< probability that a bit of a descriptor differs in a view (0.05: 13 bits of 256)
+  /// Probability that a bit of a descriptor differs in a view (0.05: 13 bits of 256).
+  double descriptor_flip_ratio = 0.0;
   int num_clutter = 0;  ///< features per view that show no landmark
   PinholeCamera camera{500, 500, 319.5, 239.5, 640, 480};
   uint64_t seed = 1;

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "base/atomic_file.h"
+#include "base/command_line.h"
 #include "base/flat_yaml.h"
 #include "dataset/evaluation_report.h"
 #include "dataset/frame_times.h"
@@ -175,11 +176,7 @@ int Main(int argc, char** argv) {
   app.set_version_flag("--version", "portolan_eval " + BuildDescription());
   Arguments arguments;
   Declare(&app, &arguments);
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& failure) {
-    return app.exit(failure) == 0 ? 0 : 2;
-  }
+  if (const auto code = ParseCommandLine(&app, argc, argv)) return *code;
   const Result<Evaluation> evaluation = Evaluate(arguments);
   if (!evaluation) {
     std::cerr << "portolan_eval: " << evaluation.error().message << "\n";

@@ -5,13 +5,12 @@
 #include <cstdio>
 #include <string>
 
+#include "base/command_line.h"
 #include "transport/permissions.h"
 #include "version/version.h"
 
 namespace portolan {
 namespace {
-
-constexpr int kExitUsage = 2;
 
 struct Arguments {
   std::string document, domains = "0-230";
@@ -65,11 +64,7 @@ int Main(int argc, char** argv) {
   app.set_version_flag("--version", "portolan_permissions " + BuildDescription());
   Arguments arguments;
   AddOptions(&app, &arguments);
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : kExitUsage;
-  }
+  if (const auto code = ParseCommandLine(&app, argc, argv)) return *code;
   return Run(&arguments);
 }
 

@@ -10,6 +10,7 @@
 #include <string>
 #include <thread>
 
+#include "base/command_line.h"
 #include "base/log.h"
 #include "base/time.h"
 #include "dataset/compressed_image.h"
@@ -22,13 +23,12 @@ namespace portolan {
 namespace {
 
 constexpr int kExitFailure = 1;
-constexpr int kExitUsage = 2;        // bad command line or data
 constexpr int kExitUnreachable = 3;  // nobody listens
 constexpr int kExitInterrupted = 130;
 
 constexpr auto kMatchCheck = std::chrono::milliseconds(50);  // between two looks for a subscriber
-constexpr auto kLinger =
-    std::chrono::milliseconds(300);  // after the last image: it is best effort, and may still be on its way out
+// After the last image: it is best effort, and may still be on its way out.
+constexpr auto kLinger = std::chrono::milliseconds(300);
 constexpr uint64_t kFramesAProgressLine = 100;  // where there is no terminal
 
 volatile std::sig_atomic_t interrupted = 0;
@@ -158,11 +158,7 @@ int Main(int argc, char** argv) {
   app.set_version_flag("--version", "portolan_play " + BuildDescription());
   Arguments arguments;
   AddOptions(&app, &arguments);
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : kExitUsage;
-  }
+  if (const auto code = ParseCommandLine(&app, argc, argv)) return *code;
   std::signal(SIGINT, [](int) { interrupted = 1; });
   std::signal(SIGTERM, [](int) { interrupted = 1; });
   cv::setNumThreads(1);

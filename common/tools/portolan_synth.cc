@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "base/command_line.h"
 #include "base/time.h"
 #include "testing/sequence_writer.h"
 #include "version/version.h"
@@ -19,7 +20,6 @@ namespace portolan {
 namespace {
 
 constexpr int kExitFailure = 1;  // could not be written
-constexpr int kExitUsage = 2;    // bad command line
 
 volatile std::sig_atomic_t interrupted = 0;
 
@@ -125,11 +125,7 @@ int Main(int argc, char** argv) {
   app.set_version_flag("--version", "portolan_synth " + BuildDescription());
   Arguments arguments;
   AddOptions(&app, &arguments);
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : kExitUsage;
-  }
+  if (const auto code = ParseCommandLine(&app, argc, argv)) return *code;
   if (!ParseSize(arguments.size, &arguments.sequence)) {
     std::fprintf(stderr, "portolan_synth: --size: '%s', expected WIDTHxHEIGHT as in 640x480\n", arguments.size.c_str());
     return kExitUsage;

@@ -14,6 +14,7 @@
 #include <string>
 #include <vector>
 
+#include "base/command_line.h"
 #include "base/hash.h"
 #include "base/result.h"
 #include "base/time.h"
@@ -177,11 +178,7 @@ int Main(int argc, char** argv) {
   convert->add_option("dbow2", input, "DBoW2 text file")->required();
   convert->add_option("-o,--output", arguments.output, "Vocabulary to write")->required();
 
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? kSuccess : kBadInput;
-  }
+  if (const auto code = ParseCommandLine(&app, argc, argv)) return *code;
   if (train->parsed()) return Train(arguments);
   return info->parsed() ? Info(input) : Convert(input, arguments.output);
 }

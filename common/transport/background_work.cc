@@ -9,7 +9,8 @@
 
 namespace portolan {
 
-BackgroundWork::BackgroundWork(ProcessLoop* loop, int nice_steps) : loop_(loop), thread_([this, nice_steps] { RunJobs(nice_steps); }) {}
+BackgroundWork::BackgroundWork(ProcessLoop* loop, int nice_steps)
+    : loop_(loop), thread_([this, nice_steps] { RunJobs(nice_steps); }) {}
 
 BackgroundWork::~BackgroundWork() {
   Cancel();
@@ -52,7 +53,7 @@ void BackgroundWork::RunJobs(int nice_steps) {
       job = std::exchange(next_, nullptr);
     }
     Event event = job(stop_);
-    job = nullptr;  // with the snapshot it holds, before the owner thread goes on
+    job = nullptr;   // with the snapshot it holds, before the owner thread goes on
     malloc_trim(0);  // big jobs leave much of the heap empty
     loop_->Post([this, event = std::move(event)] { OnDone(event); });
   }

@@ -10,8 +10,9 @@
 
 namespace portolan {
 
-/// Long work beside a process's owner thread: one job at a time, on a thread of its own behind the rest of the process. A job works on what it
-/// took with it (an immutable snapshot) and comes back as an event, which the loop runs on the owner thread.
+/// Long work beside a process's owner thread: one job at a time, on a thread of its own behind the rest of the process.
+/// A job works on what it took with it (an immutable snapshot) and comes back as an event, which the loop runs on the
+/// owner thread.
 ///
 ///   BackgroundWork background(&loop, 4);
 ///   background.Start([snapshot](const std::atomic<bool>& stop) {
@@ -32,8 +33,8 @@ class BackgroundWork {
   BackgroundWork(const BackgroundWork&) = delete;
   BackgroundWork& operator=(const BackgroundWork&) = delete;
 
-  /// Starts a job; a check fails while one is under way. @param on_cancelled runs in place of the job's event when the job ended cancelled; may be
-  /// null.
+  /// Starts a job; a check fails while one is under way. @param on_cancelled runs in place of the job's event when the
+  /// job ended cancelled; may be null.
   void Start(Job job, Event on_cancelled = nullptr);
   /// From Start() until one of its events is about to run.
   bool busy() const { return busy_; }
@@ -50,9 +51,9 @@ class BackgroundWork {
   std::atomic<bool> stop_{false};
   std::mutex mutex_;
   std::condition_variable changed_;
-  Event on_cancelled_;      // owner thread's
-  Job next_;          // guarded by mutex_
-  bool end_ = false;  // guarded by mutex_
+  Event on_cancelled_;  // owner thread's
+  Job next_;            // guarded by mutex_
+  bool end_ = false;    // guarded by mutex_
   std::thread thread_;  // last: starts when the rest is there
 };
 

@@ -80,9 +80,9 @@ class Bus {
   virtual ~Bus() = default;
 
   /// T: KeyFrameMessage, MapDeltaChunk, SnapshotRequest, MapCorrection, Command, Request, Reply, TrackerState,
-  /// MapperState, FollowerState, ProcessStatus, or Image (topic image; its readers get raw and compressed images, numbered as they
-  /// come; CompressedImage is for writing alone). From one thread. That DDS makes no endpoint (out of memory or
-  /// handles) is a check failure. Handlers of one reader are called one at a time.
+  /// MapperState, FollowerState, ProcessStatus, or Image (topic image; its readers get raw and compressed images,
+  /// numbered as they come; CompressedImage is for writing alone). From one thread. That DDS makes no endpoint (out of
+  /// memory or handles) is a check failure. Handlers of one reader are called one at a time.
   template <class T>
   std::unique_ptr<Writer<T>> CreateWriter();
   /// @param on_liveliness_changed called on a transport thread with AliveWriters() when it changes; for topics with

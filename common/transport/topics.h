@@ -94,8 +94,8 @@ struct Topic<MapCorrection> {
   static constexpr TopicQos Qos() { return Reliable(16, kPatientBlockingMs); }  // rare, each up to the size of the map
 };
 
-/// Written by the atlas_server alone; read by all but tools, by an atlas_server that stands by too. Late readers get the last commands, in order: they tell who
-/// owns what.
+/// Written by the atlas_server alone; read by all but tools, by an atlas_server that stands by too. Late readers get
+/// the last commands, in order: they tell who owns what.
 template <>
 struct Topic<Command> {
   using Wire = wire::Command;

@@ -16,8 +16,9 @@
 #include "transport/topic_counters.h"
 #include "transport/topics.h"
 
-// Writers and readers of domain types over those of serialised samples, for the files that instantiate them: images have
-// one of their own, so that only programs which use them load OpenCV's codecs and the hundred libraries behind them.
+// Writers and readers of domain types over those of serialised samples, for the files that instantiate them: images
+// have one of their own, so that only programs which use them load OpenCV's codecs and the hundred libraries behind
+// them.
 
 namespace portolan::internal {
 

@@ -50,11 +50,14 @@ void KeyFrameIndex::Remove(KeyFrameId keyframe, MapId part) {
   of_part->second.slot_of.erase(found);
 }
 
-/// In one pass over all words: keyframe by keyframe each list would be searched as often as the part has keyframes in it.
+/// In one pass over all words: keyframe by keyframe each list would be searched as often as the part has keyframes in
+/// it.
 void KeyFrameIndex::RemovePart(MapId part) {
   const auto of_part = parts_.find(part);
   if (of_part == parts_.end()) return;
-  const auto is_of_part = [this, number = of_part->second.number](const Entry& e) { return slots_[e.slot].part == number; };
+  const auto is_of_part = [this, number = of_part->second.number](const Entry& e) {
+    return slots_[e.slot].part == number;
+  };
   for (auto next = inverted_.begin(); next != inverted_.end();) {
     std::vector<Entry>& entries = next->second;
     entries.erase(std::remove_if(entries.begin(), entries.end(), is_of_part), entries.end());
@@ -64,9 +67,12 @@ void KeyFrameIndex::RemovePart(MapId part) {
   parts_.erase(of_part);
 }
 
-std::vector<SharedWords> KeyFrameIndex::Query(const BowVector& bow) const { return std::move(Query(bow, {MapId()}).front()); }
+std::vector<SharedWords> KeyFrameIndex::Query(const BowVector& bow) const {
+  return std::move(Query(bow, {MapId()}).front());
+}
 
-std::vector<std::vector<SharedWords>> KeyFrameIndex::Query(const BowVector& bow, const std::vector<MapId>& parts) const {
+std::vector<std::vector<SharedWords>> KeyFrameIndex::Query(const BowVector& bow,
+                                                           const std::vector<MapId>& parts) const {
   struct Tally {
     int words = 0;
     double score = 0;
@@ -89,11 +95,13 @@ std::vector<std::vector<SharedWords>> KeyFrameIndex::Query(const BowVector& bow,
   for (size_t slot = 0; slot < slots_.size(); ++slot) {
     if (tallies[slot].words == 0) continue;  // free ones too
     std::vector<SharedWords>* of_part = of_number[slots_[slot].part];
-    if (of_part != nullptr) of_part->push_back({slots_[slot].keyframe, tallies[slot].words, std::min(tallies[slot].score, 1.0)});
+    if (of_part != nullptr)
+      of_part->push_back({slots_[slot].keyframe, tallies[slot].words, std::min(tallies[slot].score, 1.0)});
   }
   for (std::vector<SharedWords>& of_part : shared) {
-    std::sort(of_part.begin(), of_part.end(),
-              [](const SharedWords& a, const SharedWords& b) { return a.words != b.words ? a.words > b.words : a.keyframe < b.keyframe; });
+    std::sort(of_part.begin(), of_part.end(), [](const SharedWords& a, const SharedWords& b) {
+      return a.words != b.words ? a.words > b.words : a.keyframe < b.keyframe;
+    });
   }
   return shared;
 }

@@ -18,8 +18,9 @@ struct SharedWords {
   double score = 0;  ///< similarity of the bags, as BowScore
 };
 
-/// Inverted index: word -> keyframes that saw it (paper Sec. 2), with the bags for scoring. One for several maps has a part for each: a query looks its
-/// words up once, however many parts there are. A keyframe may be in several parts. Not thread-safe.
+/// Inverted index: word -> keyframes that saw it (paper Sec. 2), with the bags for scoring. One for several maps has a
+/// part for each: a query looks its words up once, however many parts there are. A keyframe may be in several parts.
+/// Not thread-safe.
 class KeyFrameIndex {
  public:
   /// Adding an id again replaces its bag. The bag is shared, not copied: it is part of the keyframe's data (WordsOf).

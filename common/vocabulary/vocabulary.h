@@ -21,8 +21,8 @@ class Vocabulary {
   /// on a file of another kind, another version, cut short or with a wrong checksum.
   static Result<std::shared_ptr<const Vocabulary>> Open(const std::string& path);
 
-  /// The hash of a file that Open takes, for those who compare keyframes' vocabularies but look nothing up: the file does
-  /// not stay in memory.
+  /// The hash of a file that Open takes, for those who compare keyframes' vocabularies but look nothing up: the file
+  /// does not stay in memory.
   static Result<uint64_t> HashOf(const std::string& path);
 
   /// Reads DBoW2's text format: "k L scoring weighting", then a line per node "parent is_leaf 32 bytes weight".

@@ -7,7 +7,9 @@ namespace portolan {
 FramePump::FramePump(Player* player, std::function<bool(PlayedFrame)> deliver, std::function<void()> at_end)
     : player_(player), deliver_(std::move(deliver)), at_end_(std::move(at_end)) {}
 
-FramePump::~FramePump() { Stop(); }
+FramePump::~FramePump() {
+  Stop();
+}
 
 void FramePump::Start() {
   if (!thread_.joinable()) thread_ = std::thread([this] { Run(); });

@@ -9,11 +9,12 @@
 
 namespace portolan {
 
-/// Takes frames from a player to the owner thread, one at a time: the next only when the owner is done with the last, so that frames wait, and
-/// are dropped when they are late, in the player alone.
+/// Takes frames from a player to the owner thread, one at a time: the next only when the owner is done with the last,
+/// so that frames wait, and are dropped when they are late, in the player alone.
 class FramePump {
  public:
-  /// @param deliver posts a frame to the owner thread; false when it is gone. @param at_end is called once when the source has ended.
+  /// @param deliver posts a frame to the owner thread; false when it is gone. @param at_end is called once when the
+  /// source has ended.
   FramePump(Player* player, std::function<bool(PlayedFrame)> deliver, std::function<void()> at_end);
   ~FramePump();
 

@@ -24,7 +24,8 @@ Status ReadFrontendOptions(ConfigReader* config, FrontendOptions* options) {
   ReadSource(config, options);
   config->Read("source.peer_timeout_s", &options->peer_timeout_s, {0.1, 3600});
   if (Status checked = ReadTrackerOptions(config, &options->tracker); !checked) return checked;
-  if (options->source.data.empty()) return Error{"no images: give --data with a folder, a video file, /dev/videoN or 'topic'"};
+  if (options->source.data.empty())
+    return Error{"no images: give --data with a folder, a video file, /dev/videoN or 'topic'"};
   const Result<PlaybackOptions> playback = ParseSpeed(options->speed);
   if (!playback) return playback.error();
   options->playback = *playback;

@@ -11,12 +11,13 @@ namespace portolan {
 
 /// What the tracker's process is configured with.
 struct FrontendOptions {
-  SourceOptions source;           ///< section source
-  std::string speed = "1";        ///< source.speed: a factor of real time, "max" or "lockstep"
-  PlaybackOptions playback;       ///< from speed
-  TrackerOptions tracker;         ///< sections tracker and orb
-  bool resume = false;            ///< source.resume: go on with the run in OUT, if its frontend died
-  double peer_timeout_s = 15;     ///< how long the run waits for mapper and atlas_server at its start, and for the mapper to finish at its end
+  SourceOptions source;      ///< section source
+  std::string speed = "1";   ///< source.speed: a factor of real time, "max" or "lockstep"
+  PlaybackOptions playback;  ///< from speed
+  TrackerOptions tracker;    ///< sections tracker and orb
+  bool resume = false;       ///< source.resume: go on with the run in OUT, if its frontend died
+  /// How long the run waits for mapper and atlas_server at its start, and for the mapper to finish at its end.
+  double peer_timeout_s = 15;
 };
 
 /// The value of source.data that stands for the DDS image topic instead of a file.

@@ -17,7 +17,8 @@ namespace {
 constexpr double kStatusPeriodS = 1.0;
 constexpr double kTickPeriodS = 0.1;
 constexpr auto kRequestPatience = std::chrono::seconds(2);
-constexpr auto kMapperPatience = std::chrono::seconds(1);  // for an answer to a keyframe, before the next urgent one is made without it
+// For an answer to a keyframe, before the next urgent one is made without it.
+constexpr auto kMapperPatience = std::chrono::seconds(1);
 constexpr auto kSnapshotRequestInterval = std::chrono::seconds(1);
 constexpr auto kAtlasPatience = std::chrono::seconds(2);  // for an answer that nothing depends on
 constexpr auto kMapPatience = std::chrono::seconds(5);    // of a lockstep run, for a map that the tracker is to go into
@@ -25,26 +26,35 @@ constexpr auto kProgressInterval = std::chrono::milliseconds(500);
 
 const char* InWords(TrackingState state) {
   switch (state) {
-    case TrackingState::kInitializing: return "initializing";
-    case TrackingState::kTracking: return "tracking";
-    case TrackingState::kRelocalizing: return "relocalizing";
-    case TrackingState::kLost: return "lost";
+    case TrackingState::kInitializing:
+      return "initializing";
+    case TrackingState::kTracking:
+      return "tracking";
+    case TrackingState::kRelocalizing:
+      return "relocalizing";
+    case TrackingState::kLost:
+      return "lost";
   }
   return "";
 }
 
-double SecondsNow() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
+double SecondsNow() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
 
 /// For one robot now, unlike a fact: one that was given before this process began is not for it.
 bool IsOrder(const Command& command) {
   switch (command.kind) {
-    case CommandKind::kActivateMap: return !command.other.IsValid();
+    case CommandKind::kActivateMap:
+      return !command.other.IsValid();
     case CommandKind::kNewMap:
     case CommandKind::kPause:
     case CommandKind::kResume:
     case CommandKind::kLocalizeOnly:
-    case CommandKind::kMapAgain: return true;
-    default: return false;
+    case CommandKind::kMapAgain:
+      return true;
+    default:
+      return false;
   }
 }
 
@@ -54,8 +64,10 @@ double MillisecondsSince(std::chrono::steady_clock::time_point start) {
 
 }  // namespace
 
-FrontendProcess::FrontendProcess(const ProcessSetup& setup, const FrontendOptions& options, std::unique_ptr<Player> player,
-                                 RunSoFar so_far, std::shared_ptr<const Vocabulary> vocabulary, Bus* bus, const std::string& priority, ProcessLoop* loop)
+FrontendProcess::FrontendProcess(const ProcessSetup& setup, const FrontendOptions& options,
+                                 std::unique_ptr<Player> player, RunSoFar so_far,
+                                 std::shared_ptr<const Vocabulary> vocabulary, Bus* bus, const std::string& priority,
+                                 ProcessLoop* loop)
     : setup_(setup),
       options_(options),
       bus_(bus),
@@ -87,9 +99,8 @@ void FrontendProcess::ConnectReaders() {
     const size_t held_bytes = HeldBytes(chunk);
     loop_->Post([this, chunk = std::move(chunk)] { OnDeltaChunk(chunk); }, held_bytes);
   }));
-  readers_.push_back(bus_->CreateReader<MapperState>([this](MapperState state) {
-    loop_->Post([this, state = std::move(state)] { OnMapper(state); });
-  }));
+  readers_.push_back(bus_->CreateReader<MapperState>(
+      [this](MapperState state) { loop_->Post([this, state = std::move(state)] { OnMapper(state); }); }));
   readers_.push_back(bus_->CreateReader<FollowerState>([this](FollowerState state) {
     loop_->Post([this, state] {
       const bool is_mine = state.process.robot() == setup_.options.robot;
@@ -109,12 +120,10 @@ void FrontendProcess::ConnectReaders() {
     auto data = MakeKeyFrameData(std::move(message.data), vocabulary_.get());
     loop_->Post([this, map, data = std::move(data)] { tracker_.AddKeyFrameData(map, data); }, held_bytes);
   }));
-  readers_.push_back(bus_->CreateReader<Command>([this](Command command) {
-    loop_->Post([this, command] { OnCommand(command); });
-  }));
-  readers_.push_back(bus_->CreateReader<Reply>([this](Reply reply) {
-    loop_->Post([this, reply = std::move(reply)] { OnReply(reply); });
-  }));
+  readers_.push_back(
+      bus_->CreateReader<Command>([this](Command command) { loop_->Post([this, command] { OnCommand(command); }); }));
+  readers_.push_back(bus_->CreateReader<Reply>(
+      [this](Reply reply) { loop_->Post([this, reply = std::move(reply)] { OnReply(reply); }); }));
   readers_.push_back(bus_->CreateReader<ProcessStatus>([this](ProcessStatus status) {
     if (status.process.robot() != setup_.options.robot && status.role != "atlas_server") return;
     loop_->Post([this, role = status.role] {
@@ -139,9 +148,11 @@ int FrontendProcess::Run() {
 }
 
 void FrontendProcess::CheckPeers() {
-  const size_t others = roles_seen_.count("backend_mapper") + roles_seen_.count("loop_closer") + roles_seen_.count("atlas_server");
+  const size_t others =
+      roles_seen_.count("backend_mapper") + roles_seen_.count("loop_closer") + roles_seen_.count("atlas_server");
   const bool ready = roles_seen_.count("backend_mapper") == 1 && roles_seen_.count("atlas_server") == 1 &&
-                     keyframe_writer_->MatchedReaders() >= static_cast<int>(others) && requests_.MatchedReaders() >= 1 &&
+                     keyframe_writer_->MatchedReaders() >= static_cast<int>(others) &&
+                     requests_.MatchedReaders() >= 1 &&
                      (roles_seen_.count("loop_closer") == 0 || loop_closer_is_ready_);
   if (ready) {
     AskAtlas();
@@ -150,8 +161,10 @@ void FrontendProcess::CheckPeers() {
   if (MillisecondsSince(phase_start_) < options_.peer_timeout_s * 1e3) return;
   for (const char* role : {"backend_mapper", "atlas_server"}) {
     if (roles_seen_.count(role) == 0) {
-      spdlog::error("no {} of robot {} in domain {} within {} s: is it running, with the same --domain and --robot, and reachable?", role,
-                    setup_.options.robot, setup_.options.bus.domain, options_.peer_timeout_s);
+      spdlog::error(
+          "no {} of robot {} in domain {} within {} s: is it running, with the same --domain and --robot, and "
+          "reachable?",
+          role, setup_.options.robot, setup_.options.bus.domain, options_.peer_timeout_s);
     }
   }
   exit_code_ = kExitUnreachable;
@@ -159,7 +172,8 @@ void FrontendProcess::CheckPeers() {
   loop_->Stop();
 }
 
-/// Whether the atlas holds maps that the camera may be in is known before the first frame, if the atlas_server answers in time.
+/// Whether the atlas holds maps that the camera may be in is known before the first frame, if the atlas_server answers
+/// in time.
 void FrontendProcess::AskAtlas() {
   phase_ = Phase::kAskingAtlas;
   phase_start_ = Clock::now();
@@ -179,7 +193,8 @@ void FrontendProcess::StartWhenAnswered() {
 void FrontendProcess::OnCommand(const Command& command) {
   if (IsOrder(command)) {
     if (!TakesOrders() || command.robot != setup_.options.robot) return;
-    if (command.kind == CommandKind::kPause || command.kind == CommandKind::kResume) paused_ = command.kind == CommandKind::kPause;
+    if (command.kind == CommandKind::kPause || command.kind == CommandKind::kResume)
+      paused_ = command.kind == CommandKind::kPause;
   }
   tracker_.OnCommand(command);
   NoteFollowedMaps();
@@ -201,7 +216,8 @@ void FrontendProcess::NoteFollowedMaps() {
   const auto& replicas = tracker_.replicas();
   const auto before = std::atomic_load(&followed_);
   if (before->size() == replicas.size() &&
-      std::equal(before->begin(), before->end(), replicas.begin(), [](MapId map, const auto& entry) { return map == entry.first; })) {
+      std::equal(before->begin(), before->end(), replicas.begin(),
+                 [](MapId map, const auto& entry) { return map == entry.first; })) {
     return;
   }
   std::set<MapId> maps;
@@ -218,8 +234,9 @@ void FrontendProcess::OnFrame(PlayedFrame frame) {
   process_times_.Add("wait", MillisecondsSince(frame.available) - output.state.frame_ms);
   Publish(output);
   last_state_ = output.state;
-  spdlog::debug("frame {}: {}, {} of {} points, {} keyframes sent, {:.1f} ms", output.state.frame, InWords(output.state.state), output.state.num_inliers,
-                output.state.num_candidates, output.keyframes.size(), output.state.frame_ms);
+  spdlog::debug("frame {}: {}, {} of {} points, {} keyframes sent, {:.1f} ms", output.state.frame,
+                InWords(output.state.state), output.state.num_inliers, output.state.num_candidates,
+                output.keyframes.size(), output.state.frame_ms);
   if (output.state.state == TrackingState::kTracking) ++tracked_online_;
   status_.AssertLiveliness();
   so_far_.Note(player_->start(), tracker_.TakeChangedFrames());
@@ -290,7 +307,8 @@ void FrontendProcess::OnMapper(const MapperState& state) {
   if (mapper_.process.IsValid() && mapper_.process != state.process) resend_.OnNewMapper();
   resend_.OnMapperHeard(SecondsNow());
   mapper_ = state;
-  if (state.refused_keyframe.IsValid() && state.refused_keyframe == state.last_keyframe) spdlog::debug("mapper refused {}: {}", ToString(state.refused_keyframe), state.refusal);
+  if (state.refused_keyframe.IsValid() && state.refused_keyframe == state.last_keyframe)
+    spdlog::debug("mapper refused {}: {}", ToString(state.refused_keyframe), state.refusal);
   ReleasePumpIfReady();
 }
 
@@ -313,7 +331,8 @@ bool FrontendProcess::IsWaitingForAtlas() const {
 /// At the end of a resumed run: whether a map is still to come in which the earlier frontend had tracked frames.
 bool FrontendProcess::IsWaitingForEarlierMaps() const {
   const auto& frames = so_far_.earlier_frames();
-  return std::any_of(frames.begin(), frames.end(), [&](const FrameRecord& frame) { return tracker_.IsFresh(frame.map); });
+  return std::any_of(frames.begin(), frames.end(),
+                     [&](const FrameRecord& frame) { return tracker_.IsFresh(frame.map); });
 }
 
 bool FrontendProcess::OthersAreDone() const {
@@ -358,7 +377,8 @@ std::string FrontendProcess::StateInWords() const {
   if (phase_ == Phase::kWaitingForPeers) return "waiting for peers";
   if (phase_ == Phase::kAskingAtlas) return "waiting for the atlas_server";
   std::string words = InWords(tracker_.state());
-  const bool is_in_map = tracker_.state() == TrackingState::kTracking || tracker_.state() == TrackingState::kRelocalizing;
+  const bool is_in_map =
+      tracker_.state() == TrackingState::kTracking || tracker_.state() == TrackingState::kRelocalizing;
   if (is_in_map) words += " in map " + ToString(tracker_.active_map());
   if (tracker_.localization_only()) words += ", localization only";
   return paused_ ? "paused, " + words : words;
@@ -403,9 +423,10 @@ void FrontendProcess::ShowProgress(const TrackerState& state) {
     keyframes += replica.map().keyframes().size();
     points += replica.map().points().size();
   }
-  std::printf("%sframe %llu  %-22s  %4u of %4u points  %4zu keyframes  %6zu landmarks  %5.1f ms  dropped %llu%s", isatty(1) ? "\r" : "",
-              static_cast<unsigned long long>(state.frame), InWords(state.state), state.num_inliers, state.num_candidates, keyframes, points,
-              static_cast<double>(state.frame_ms), static_cast<unsigned long long>(player_->report().dropped), isatty(1) ? "   " : "\n");
+  std::printf("%sframe %llu  %-22s  %4u of %4u points  %4zu keyframes  %6zu landmarks  %5.1f ms  dropped %llu%s",
+              isatty(1) ? "\r" : "", static_cast<unsigned long long>(state.frame), InWords(state.state),
+              state.num_inliers, state.num_candidates, keyframes, points, static_cast<double>(state.frame_ms),
+              static_cast<unsigned long long>(player_->report().dropped), isatty(1) ? "   " : "\n");
   std::fflush(stdout);
 }
 
@@ -459,7 +480,8 @@ int FrontendProcess::Finish() {
   const RadialResidual& residual = tracker_.camera().residual;
   report["lens_residual"] = {residual.k1, residual.k2};
   const auto& frame_times = times.samples().find("frame");
-  report["frame_ms"] = SummarizeTimes(frame_times == times.samples().end() ? std::vector<double>() : frame_times->second);
+  report["frame_ms"] =
+      SummarizeTimes(frame_times == times.samples().end() ? std::vector<double>() : frame_times->second);
   if (setup_.options.out.empty()) return kExitOk;
   Status written = WriteRunOutput(setup_.options.out, trajectories, tracker_.replicas());
   if (written) written = WriteReport(setup_.options, report);

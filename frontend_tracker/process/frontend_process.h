@@ -21,14 +21,17 @@
 
 namespace portolan {
 
-/// The shell around the tracker: frames from a player, deltas and states from DDS, one owner thread for all of it (ProcessLoop).
+/// The shell around the tracker: frames from a player, deltas and states from DDS, one owner thread for all of it
+/// (ProcessLoop).
 class FrontendProcess {
  public:
-  FrontendProcess(const ProcessSetup& setup, const FrontendOptions& options, std::unique_ptr<Player> player, RunSoFar so_far,
-                  std::shared_ptr<const Vocabulary> vocabulary, Bus* bus, const std::string& priority, ProcessLoop* loop);
+  FrontendProcess(const ProcessSetup& setup, const FrontendOptions& options, std::unique_ptr<Player> player,
+                  RunSoFar so_far, std::shared_ptr<const Vocabulary> vocabulary, Bus* bus, const std::string& priority,
+                  ProcessLoop* loop);
   ~FrontendProcess();
 
-  /// Runs until the source has ended and the mapper has taken in the last keyframe, or the user stops it. Writes the results.
+  /// Runs until the source has ended and the mapper has taken in the last keyframe, or the user stops it. Writes the
+  /// results.
   /// @return exit code.
   int Run();
 
@@ -47,7 +50,7 @@ class FrontendProcess {
   void OnMapper(const MapperState& state);
   void OnDeltaChunk(MapDeltaChunk chunk);
   void OnEndOfSource();
-  void OnTick();           // ten times a second: what waits for an answer that may not come
+  void OnTick();  // ten times a second: what waits for an answer that may not come
   void OnStatusTimer();
   void Publish(const Tracker::Output& output);
   void SendAgain();
@@ -90,7 +93,8 @@ class FrontendProcess {
   bool frame_in_work_ = false;
   bool paused_ = false;
   OpenRequests requests_;
-  std::shared_ptr<const std::set<MapId>> followed_ = std::make_shared<const std::set<MapId>>();  // read by transport threads, by std::atomic_load
+  // Read by transport threads, by std::atomic_load.
+  std::shared_ptr<const std::set<MapId>> followed_ = std::make_shared<const std::set<MapId>>();
   Clock::time_point last_send_ = Clock::now();  // of a keyframe, for the first time
   KeyFrameResend resend_;
   Clock::time_point last_snapshot_request_{};

@@ -11,7 +11,8 @@ void OpenRequests::Send(std::vector<Request> requests) {
   for (Request& request : requests) {
     request.id = ids_.Next();
     request.sender = sender_;
-    spdlog::debug("request {} map {} other {} {}", request.kind, ToString(request.map), ToString(request.other), request.argument);
+    spdlog::debug("request {} map {} other {} {}", request.kind, ToString(request.map), ToString(request.other),
+                  request.argument);
     writer_->Write(request);
     const RequestId id = request.id;
     open_[id] = {std::move(request), Clock::now()};

@@ -22,7 +22,8 @@ class OpenRequests {
 
   /// Gives the requests their ids, and sends them.
   void Send(std::vector<Request> requests);
-  /// Sends those again that have waited for so long. Where the camera was is no question any more by then: "locate" is forgotten.
+  /// Sends those again that have waited for so long. Where the camera was is no question any more by then: "locate" is
+  /// forgotten.
   void SendAgain(Clock::duration patience);
   /// @return the request that the reply answers, which is closed with it; none if it is somebody else's.
   std::optional<Request> Close(const Reply& reply);

@@ -14,18 +14,21 @@ constexpr std::array<std::array<uint8_t, 3>, 6> kMapColours = {
 
 }  // namespace
 
-Status WritePly(const std::string& path, const RunTrajectories& trajectories, const std::map<MapId, MapReplica>& replicas) {
+Status WritePly(const std::string& path, const RunTrajectories& trajectories,
+                const std::map<MapId, MapReplica>& replicas) {
   size_t count = 0;
   for (const auto& [id, number] : trajectories.map_numbers) count += replicas.at(id).map().points().size();
   std::ostringstream file;
   file << "ply\nformat binary_little_endian 1.0\nelement vertex " << count
-       << "\nproperty float x\nproperty float y\nproperty float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n";
+       << "\nproperty float x\nproperty float y\nproperty float z\nproperty uchar red\nproperty uchar green\nproperty "
+          "uchar blue\nend_header\n";
   for (const auto& [id, number] : trajectories.map_numbers) {
     const Map& map = replicas.at(id).map();
     const Sim3d& joined_from_map = trajectories.joined_from_map.at(id);
     const auto& colour = kMapColours[static_cast<size_t>(number) % kMapColours.size()];
     for (const MapPointId point : map.SortedPointIds()) {
-      const Eigen::Vector3f position = (joined_from_map * map.point(point).position_in_map.cast<double>()).cast<float>();
+      const Eigen::Vector3f position =
+          (joined_from_map * map.point(point).position_in_map.cast<double>()).cast<float>();
       file.write(reinterpret_cast<const char*>(position.data()), 3 * sizeof(float));
       file.write(reinterpret_cast<const char*>(colour.data()), 3);
     }
@@ -33,7 +36,8 @@ Status WritePly(const std::string& path, const RunTrajectories& trajectories, co
   return WriteFileAtomically(path, file.str());
 }
 
-Status WriteRunOutput(const std::string& folder, const RunTrajectories& trajectories, const std::map<MapId, MapReplica>& replicas) {
+Status WriteRunOutput(const std::string& folder, const RunTrajectories& trajectories,
+                      const std::map<MapId, MapReplica>& replicas) {
   const struct {
     const char* name;
     const Trajectory* trajectory;
@@ -43,7 +47,8 @@ Status WriteRunOutput(const std::string& folder, const RunTrajectories& trajecto
                {"trajectory_online.txt", &trajectories.online, true},
                {"keyframes.txt", &trajectories.keyframes, false}};
   for (const auto& file : files) {
-    if (Status written = WriteTrajectory(folder + "/" + file.name, *file.trajectory, file.with_map); !written) return written;
+    if (Status written = WriteTrajectory(folder + "/" + file.name, *file.trajectory, file.with_map); !written)
+      return written;
   }
   return WritePly(folder + "/map.ply", trajectories, replicas);
 }

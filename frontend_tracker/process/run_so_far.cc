@@ -16,7 +16,8 @@ Result<RunSoFar> RunSoFar::Open(const std::string& folder, const FrontendOptions
     Result<std::optional<EarlierRun>> earlier = FrameJournal::Read(path);
     if (!earlier) return earlier.error();
     if (*earlier && (*earlier)->data != options.source.data) {
-      return Error{path + ": is of a run on '" + (*earlier)->data + "', expected '" + options.source.data + "': give another --out, or no --resume"};
+      return Error{path + ": is of a run on '" + (*earlier)->data + "', expected '" + options.source.data +
+                   "': give another --out, or no --resume"};
     }
     if (*earlier) {
       run.earlier_ = std::move(**earlier);
@@ -30,7 +31,11 @@ Result<RunSoFar> RunSoFar::Open(const std::string& folder, const FrontendOptions
   }
   std::error_code error;
   std::filesystem::rename(path, path + ".before", error);
-  if (!error) spdlog::warn("an earlier run in this folder was not finished; its tracked frames are in {}.before (--resume goes on with such a run)", path);
+  if (!error)
+    spdlog::warn(
+        "an earlier run in this folder was not finished; its tracked frames are in {}.before (--resume goes on with "
+        "such a run)",
+        path);
   auto journal = FrameJournal::Begin(path, options.source.data);
   if (!journal) return journal.error();
   run.journal_ = std::move(*journal);

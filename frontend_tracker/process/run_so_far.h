@@ -10,12 +10,14 @@
 
 namespace portolan {
 
-/// The journal of a run in its output folder, and what an earlier frontend left in it: "source.resume" takes that up, else it is set aside.
+/// The journal of a run in its output folder, and what an earlier frontend left in it: "source.resume" takes that up,
+/// else it is set aside.
 class RunSoFar {
  public:
   static constexpr const char* kFileName = "frames_journal.txt";
 
-  /// @param folder empty: no journal. Fails when the file can't be read or written, is damaged, or is of other images than the options name.
+  /// @param folder empty: no journal. Fails when the file can't be read or written, is damaged, or is of other images
+  /// than the options name.
   static Result<RunSoFar> Open(const std::string& folder, const FrontendOptions& options);
 
   /// Where a player is to go on; none: from the beginning.

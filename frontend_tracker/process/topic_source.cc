@@ -8,25 +8,28 @@
 namespace portolan {
 namespace {
 
-constexpr double kEndAfterSeconds = 5.0;    // a stream that pauses longer has ended
-constexpr double kFirstImageSeconds = 60.0; // a publisher may be started by hand
+constexpr double kEndAfterSeconds = 5.0;     // a stream that pauses longer has ended
+constexpr double kFirstImageSeconds = 60.0;  // a publisher may be started by hand
 
 }  // namespace
 
 TopicSource::TopicSource(const CameraModel& camera, double end_after_s, Bus* bus)
-    : camera_(camera), end_after_s_(end_after_s), reader_(bus->CreateReader<Image>([this](Image image) { queue_.Push(std::move(image)); })) {}
+    : camera_(camera),
+      end_after_s_(end_after_s),
+      reader_(bus->CreateReader<Image>([this](Image image) { queue_.Push(std::move(image)); })) {}
 
 Result<std::optional<Image>> TopicSource::Next() {
   const double patience_s = started_ ? end_after_s_ : kFirstImageSeconds;
-  const auto deadline = std::chrono::steady_clock::now() + std::chrono::duration_cast<std::chrono::steady_clock::duration>(
-                                                               std::chrono::duration<double>(patience_s));
+  const auto deadline =
+      std::chrono::steady_clock::now() +
+      std::chrono::duration_cast<std::chrono::steady_clock::duration>(std::chrono::duration<double>(patience_s));
   std::optional<Image> image = queue_.PopUntil(deadline);
   if (!image) return std::optional<Image>();
   started_ = true;
   if (image->grey.cols != camera_.pinhole.width || image->grey.rows != camera_.pinhole.height) {
-    return Error{"image " + std::to_string(image->frame) + " of the topic is " + std::to_string(image->grey.cols) + "x" +
-                 std::to_string(image->grey.rows) + ", the camera file says " + std::to_string(camera_.pinhole.width) + "x" +
-                 std::to_string(camera_.pinhole.height)};
+    return Error{"image " + std::to_string(image->frame) + " of the topic is " + std::to_string(image->grey.cols) +
+                 "x" + std::to_string(image->grey.rows) + ", the camera file says " +
+                 std::to_string(camera_.pinhole.width) + "x" + std::to_string(camera_.pinhole.height)};
   }
   return image;
 }

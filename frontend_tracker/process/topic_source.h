@@ -8,7 +8,8 @@
 
 namespace portolan {
 
-/// Images from the DDS image topic (ROS 2's wire form), as a live source. Ends when it is destroyed or the stream pauses for `end_after_s`.
+/// Images from the DDS image topic (ROS 2's wire form), as a live source. Ends when it is destroyed or the stream
+/// pauses for `end_after_s`.
 class TopicSource : public ImageSource {
  public:
   TopicSource(const CameraModel& camera, double end_after_s, Bus* bus);

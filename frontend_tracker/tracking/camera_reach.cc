@@ -5,11 +5,12 @@
 namespace portolan {
 namespace {
 
-constexpr double kRememberedS = 2.0;       // after that a camera may be anywhere
-constexpr double kSpeedOverS = 0.5;        // what its speed is measured over
-constexpr double kSpeedFactor = 3.0;       // it may have gone so much faster since
-constexpr double kSlack = 0.5;             // of the depth of what it saw: it may have stood still, or its last poses been poor
-constexpr double kDepthsPerSecond = 1.0;   // faster nothing moves past a camera that is to map it
+constexpr double kRememberedS = 2.0;  // after that a camera may be anywhere
+constexpr double kSpeedOverS = 0.5;   // what its speed is measured over
+constexpr double kSpeedFactor = 3.0;  // it may have gone so much faster since
+// Of the depth of what it saw: it may have stood still, or its last poses been poor.
+constexpr double kSlack = 0.5;
+constexpr double kDepthsPerSecond = 1.0;  // faster nothing moves past a camera that is to map it
 
 /// Whether they are of one map and one tracker's time.
 bool IsWithin(const FrameRecord& record, const FrameRecord& latest, double seconds) {
@@ -33,7 +34,8 @@ std::optional<CameraReach> ReachOfCamera(const FrameHistory& history, const Map&
   for (++record; record != history.records().rend() && IsWithin(record->second, latest, kSpeedOverS); ++record) {
     const auto pose = FrameHistory::CameraFromMap(map, record->second);
     const double seconds = SecondsBetween(record->second.stamp, latest.stamp);
-    if (pose && seconds > 0) speed = std::max(speed, (pose->TargetOriginInSource() - reach.centre_in_map).norm() / seconds);
+    if (pose && seconds > 0)
+      speed = std::max(speed, (pose->TargetOriginInSource() - reach.centre_in_map).norm() / seconds);
   }
   const double depth = map.MedianDepth(latest.anchor);
   reach.radius = kSlack * depth + elapsed_s * std::max(kSpeedFactor * speed, kDepthsPerSecond * depth);

@@ -37,7 +37,8 @@ BestMatch FindBest(const Descriptor& descriptor, const FeatureSet& features, con
   return best;
 }
 
-/// Takes back landmarks whose feature turned otherwise than most did since the reference (30 bins, the three fullest stay).
+/// Takes back landmarks whose feature turned otherwise than most did since the reference (30 bins, the three fullest
+/// stay).
 void DropInconsistentOrientation(const std::vector<std::pair<uint32_t, float>>& turns, Frame* frame) {
   constexpr int kBins = 30;
   std::array<int, kBins> counts{};
@@ -62,13 +63,14 @@ int PredictOctave(double distance, double max_distance, const ScalePyramid& pyra
 
 }  // namespace
 
-std::vector<ReferenceLandmark> ReferenceLandmarks(const Map& map, const KeyFrameData& data, const std::vector<MapPointId>& landmarks) {
+std::vector<ReferenceLandmark> ReferenceLandmarks(const Map& map, const KeyFrameData& data,
+                                                  const std::vector<MapPointId>& landmarks) {
   std::vector<ReferenceLandmark> reference;
   for (size_t i = 0; i < landmarks.size(); ++i) {
     const MapPoint* point = landmarks[i].IsValid() ? map.FindPoint(landmarks[i]) : nullptr;
     if (point == nullptr) continue;
-    reference.push_back({landmarks[i], point->position_in_map.cast<double>(), data.features.descriptors[i], data.features.octaves[i],
-                         data.features.angles_rad[i]});
+    reference.push_back({landmarks[i], point->position_in_map.cast<double>(), data.features.descriptors[i],
+                         data.features.octaves[i], data.features.angles_rad[i]});
   }
   return reference;
 }
@@ -100,8 +102,8 @@ int OptimizeFramePose(const Map& map, Frame* frame) {
   return frame->num_inliers;
 }
 
-int MapTracker::TrackCoarse(const Map& map, const std::vector<ReferenceLandmark>& reference, const Rigid3d& predicted_camera_from_map,
-                            double radius_px, Frame* frame) const {
+int MapTracker::TrackCoarse(const Map& map, const std::vector<ReferenceLandmark>& reference,
+                            const Rigid3d& predicted_camera_from_map, double radius_px, Frame* frame) const {
   const KeyFrameData& data = *frame->data;
   const std::vector<double> scales = data.pyramid.Scales();
   frame->camera_from_map = predicted_camera_from_map;
@@ -114,7 +116,8 @@ int MapTracker::TrackCoarse(const Map& map, const std::vector<ReferenceLandmark>
     const Eigen::Vector2d pixel = data.camera.Project(in_camera);
     if (!data.camera.Contains(pixel)) continue;
     near.clear();
-    data.grid.Find(data.features, pixel, radius_px * scales[landmark.octave], landmark.octave - 1, landmark.octave + 1, &near);
+    data.grid.Find(data.features, pixel, radius_px * scales[landmark.octave], landmark.octave - 1, landmark.octave + 1,
+                   &near);
     const BestMatch best = FindBest(landmark.descriptor, data.features, near, frame->landmarks);
     if (best.distance > options_.max_distance) continue;
     const auto feature = static_cast<uint32_t>(best.index);
@@ -156,7 +159,8 @@ void MapTracker::AddLocalLandmarks(double radius_px, Frame* frame) const {
     if (view_cosine < options_.min_view_cosine || matched.count(landmark.id) == 1) continue;
     const int octave = PredictOctave(distance, landmark.max_distance, data.pyramid);
     near.clear();
-    data.grid.Find(data.features, pixel, radius_px * scales[static_cast<size_t>(octave)], octave - 1, octave + 1, &near);
+    data.grid.Find(data.features, pixel, radius_px * scales[static_cast<size_t>(octave)], octave - 1, octave + 1,
+                   &near);
     const BestMatch best = FindBest(landmark.descriptor, data.features, near, frame->landmarks);
     if (best.distance > options_.max_distance) continue;
     if (best.octave == best.second_octave && best.distance > options_.ratio * best.second_distance) continue;

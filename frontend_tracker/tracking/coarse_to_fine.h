@@ -19,9 +19,11 @@ struct ReferenceLandmark {
 };
 
 /// Landmarks of a tracked frame that still exist, for the coarse stage in the next one.
-std::vector<ReferenceLandmark> ReferenceLandmarks(const Map& map, const KeyFrameData& data, const std::vector<MapPointId>& landmarks);
+std::vector<ReferenceLandmark> ReferenceLandmarks(const Map& map, const KeyFrameData& data,
+                                                  const std::vector<MapPointId>& landmarks);
 
-/// Map-based tracking in two stages (paper Sec. 3.2). Works on a frame with a predicted pose; sets its pose, landmarks and counts.
+/// Map-based tracking in two stages (paper Sec. 3.2). Works on a frame with a predicted pose; sets its pose, landmarks
+/// and counts.
 ///
 ///   MapTracker tracker(options);
 ///   int n = tracker.TrackCoarse(reference, predicted_pose, radius, &frame);
@@ -30,13 +32,15 @@ class MapTracker {
  public:
   explicit MapTracker(const MapTrackingOptions& options) : options_(options) {}
 
-  /// Coarse stage: looks for the reference's landmarks alone in windows of radius_px (at level 0) around where the predicted pose puts them, then
-  /// motion-only BA. @return number of inliers n; 0 matches leave the frame with the prediction.
-  int TrackCoarse(const Map& map, const std::vector<ReferenceLandmark>& reference, const Rigid3d& predicted_camera_from_map, double radius_px,
-                  Frame* frame) const;
+  /// Coarse stage: looks for the reference's landmarks alone in windows of radius_px (at level 0) around where the
+  /// predicted pose puts them, then motion-only BA. @return number of inliers n; 0 matches leave the frame with the
+  /// prediction.
+  int TrackCoarse(const Map& map, const std::vector<ReferenceLandmark>& reference,
+                  const Rigid3d& predicted_camera_from_map, double radius_px, Frame* frame) const;
 
-  /// Fine stage: adds landmarks of the local map that have no feature yet, in small windows if the coarse stage found enough and wider ones if not,
-  /// then motion-only BA over all. Sets the frame's reference keyframe. @return number of inliers n.
+  /// Fine stage: adds landmarks of the local map that have no feature yet, in small windows if the coarse stage found
+  /// enough and wider ones if not, then motion-only BA over all. Sets the frame's reference keyframe. @return number of
+  /// inliers n.
   int TrackFine(const Map& map, Frame* frame);
 
   const LocalMap& local_map() const { return local_map_; }
@@ -49,7 +53,8 @@ class MapTracker {
   LocalMap local_map_;
 };
 
-/// Motion-only BA (paper Sec. 3.2) of a frame over its landmarks; sets its pose and its counts n and m, and takes outliers out of it.
+/// Motion-only BA (paper Sec. 3.2) of a frame over its landmarks; sets its pose and its counts n and m, and takes
+/// outliers out of it.
 /// @return n.
 int OptimizeFramePose(const Map& map, Frame* frame);
 

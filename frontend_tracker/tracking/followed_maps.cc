@@ -49,10 +49,12 @@ std::vector<MapId> FollowedMaps::Waiting() const {
 std::vector<MapDelta> FollowedMaps::ApplyPending(MapId id) {
   MapReplica& replica = replicas_.at(id);
   KeyFrameIndex& index = indices_.at(id);
-  std::vector<MapDelta> applied = replica.ApplyPending([this](KeyFrameId keyframe) { return FindKeyFrameData(keyframe); });
+  std::vector<MapDelta> applied =
+      replica.ApplyPending([this](KeyFrameId keyframe) { return FindKeyFrameData(keyframe); });
   for (const MapDelta& delta : applied) {
     for (const MapDelta::KeyFrameState& state : delta.keyframes) {
-      const KeyFrame* keyframe = replica.map().FindKeyFrame(state.id);  // null if a later delta of the same batch removed it again
+      // Null if a later delta of the same batch removed it again.
+      const KeyFrame* keyframe = replica.map().FindKeyFrame(state.id);
       if (keyframe != nullptr && index.Find(state.id) == nullptr) index.Add(state.id, WordsOf(keyframe->data));
     }
     for (const MapDelta::RemovedKeyFrame& removed : delta.removed_keyframes) index.Remove(removed.id);

@@ -10,11 +10,12 @@
 
 namespace portolan {
 
-/// The tracker's replicas of maps, each with an index of its keyframes' words: the map it is in, those it was in and those it is to go to. What comes of
-/// other maps is ignored.
+/// The tracker's replicas of maps, each with an index of its keyframes' words: the map it is in, those it was in and
+/// those it is to go to. What comes of other maps is ignored.
 class FollowedMaps {
  public:
-  /// Begins to follow a map. @param exists it has a history: its state is to be asked for. No effect if it is followed already.
+  /// Begins to follow a map. @param exists it has a history: its state is to be asked for. No effect if it is followed
+  /// already.
   void Follow(MapId map, bool exists);
   void Drop(MapId map);
   bool Has(MapId map) const { return replicas_.count(map) == 1; }
@@ -35,7 +36,8 @@ class FollowedMaps {
   std::vector<MapDelta> ApplyPending(MapId map);
   /// Replicas that want a snapshot: those with a gap, and those of maps that existed before they were followed.
   std::vector<const MapReplica*> InNeed() const;
-  /// Of these, those of which nothing has come yet: nothing is on its way that could help, so there is nothing to wait for.
+  /// Of these, those of which nothing has come yet: nothing is on its way that could help, so there is nothing to wait
+  /// for.
   bool IsFresh(MapId map) const { return fresh_.count(map) == 1; }
 
  private:

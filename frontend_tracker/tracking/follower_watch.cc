@@ -12,7 +12,8 @@ constexpr size_t kRemembered = 32;  // keyframes of all robots that a follower l
 void FollowerWatch::OnState(const FollowerState& state, double now_s) {
   const auto [entry, is_new] = followers_.try_emplace(state.process);
   Follower& follower = entry->second;
-  const bool is_next = state.last_keyframe.IsValid() && (follower.looked_at.empty() || follower.looked_at.back() != state.last_keyframe);
+  const bool is_next =
+      state.last_keyframe.IsValid() && (follower.looked_at.empty() || follower.looked_at.back() != state.last_keyframe);
   if (is_new || is_next || follower.is_busy != state.is_busy) follower.changed_s = now_s;
   if (is_next) follower.looked_at.push_back(state.last_keyframe);
   if (follower.looked_at.size() > kRemembered) follower.looked_at.pop_front();

@@ -45,7 +45,8 @@ void FrameHistory::HangLooseFrames(const Map& map) {
         after == held.begin() || (after != held.end() && *after - number < number - *std::prev(after));
     const FrameRecord& near = records_.at(is_after_nearer ? *after : *std::prev(after));
     FrameRecord& record = records_.at(number);
-    Anchor(&record, near.anchor, record.online_camera_from_map * near.online_camera_from_map.Inverse() * near.camera_from_anchor);
+    Anchor(&record, near.anchor,
+           record.online_camera_from_map * near.online_camera_from_map.Inverse() * near.camera_from_anchor);
   }
 }
 
@@ -55,7 +56,9 @@ std::vector<FrameRecord> FrameHistory::TakeChanged() {
   return changed;
 }
 
-void FrameHistory::NoteKeyFrame(uint64_t frame, KeyFrameId keyframe) { own_frame_[keyframe] = frame; }
+void FrameHistory::NoteKeyFrame(uint64_t frame, KeyFrameId keyframe) {
+  own_frame_[keyframe] = frame;
+}
 
 void FrameHistory::OnDelta(const Map& map, const MapDelta& delta) {
   for (const MapDelta::KeyFrameState& state : delta.keyframes) {

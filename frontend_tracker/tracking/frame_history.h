@@ -25,7 +25,8 @@ struct FrameRecord {
   Rigid3d camera_from_anchor;
   Rigid3d online_camera_from_map;  ///< as it was known when the frame was tracked
   bool online = true;              ///< false: found later, from a frame before the map's own beginning
-  std::optional<Eigen::Quaterniond> camera_from_start;  ///< by dead reckoning (Frame); none for frames of an earlier tracker of the run
+  /// By dead reckoning (Frame); none for frames of an earlier tracker of the run.
+  std::optional<Eigen::Quaterniond> camera_from_start;
 };
 
 /// Every tracked frame of a run.
@@ -37,8 +38,8 @@ class FrameHistory {
   /// A frame became a keyframe: once the map holds it, the frame is the keyframe.
   void NoteKeyFrame(uint64_t frame, KeyFrameId keyframe);
 
-  /// To be called for each delta, after it was applied to `map`: records on removed keyframes pass to what these hung on, and frames that
-  /// became keyframes of the map are hung on themselves.
+  /// To be called for each delta, after it was applied to `map`: records on removed keyframes pass to what these hung
+  /// on, and frames that became keyframes of the map are hung on themselves.
   void OnDelta(const Map& map, const MapDelta& delta);
 
   /// `map` has taken in all of `other`, whose keyframes keep their ids: its frames are frames of `map` from now on.
@@ -47,8 +48,8 @@ class FrameHistory {
 
   /// What an earlier tracker of the run had.
   void Restore(const std::vector<FrameRecord>& records);
-  /// Frames of the map whose keyframe is not in it any more, removed between two trackers when nobody noted what hung on it, hang on what the nearest
-  /// frame hangs on that has one: by the way between the two as it was tracked.
+  /// Frames of the map whose keyframe is not in it any more, removed between two trackers when nobody noted what hung
+  /// on it, hang on what the nearest frame hangs on that has one: by the way between the two as it was tracked.
   void HangLooseFrames(const Map& map);
   /// Records that are new or hang elsewhere since the last call.
   std::vector<FrameRecord> TakeChanged();

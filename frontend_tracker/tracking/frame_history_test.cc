@@ -145,7 +145,8 @@ TEST_F(FrameHistoryTest, AKeyFrameRemovedAheadOfTheFusionLosesNoFrame) {
 }
 
 TEST_F(FrameHistoryTest, TellsWhatChanged) {
-  for (const auto& [number, reference] : {std::pair<uint64_t, size_t>{7, 4}, {8, 3}}) history_.Add(map_, MakeFrame(number, reference), true);
+  for (const auto& [number, reference] : {std::pair<uint64_t, size_t>{7, 4}, {8, 3}})
+    history_.Add(map_, MakeFrame(number, reference), true);
   EXPECT_EQ(history_.TakeChanged().size(), 2u);
   EXPECT_TRUE(history_.TakeChanged().empty());
   map_.RemoveKeyFrame(Id(4));
@@ -165,7 +166,8 @@ TEST_F(FrameHistoryTest, AnotherTrackerGoesOnWithTheFrames) {
   map_.RemoveKeyFrame(Id(4));
   other.OnDelta(map_, map_.TakeDelta());
   EXPECT_EQ(other.records().at(7).anchor, Id(3));
-  EXPECT_THAT(FrameHistory::CameraFromMap(map_, other.records().at(7)).value(), RigidNear(a.camera_from_map, PoseTolerance()));
+  EXPECT_THAT(FrameHistory::CameraFromMap(map_, other.records().at(7)).value(),
+              RigidNear(a.camera_from_map, PoseTolerance()));
 }
 
 TEST_F(FrameHistoryTest, FramesThatLostTheirKeyFrameUnheardHangWhereTheNearestDoes) {
@@ -177,7 +179,8 @@ TEST_F(FrameHistoryTest, FramesThatLostTheirKeyFrameUnheardHangWhereTheNearestDo
   history_.HangLooseFrames(map_);
   EXPECT_EQ(history_.records().at(8).anchor, Id(2));
   EXPECT_EQ(history_.records().at(7).anchor, Id(1)) << "as near to both: the one before";
-  for (const Frame& frame : {before, a, b, after}) EXPECT_THAT(PoseNow(frame.number), RigidNear(frame.camera_from_map, PoseTolerance()));
+  for (const Frame& frame : {before, a, b, after})
+    EXPECT_THAT(PoseNow(frame.number), RigidNear(frame.camera_from_map, PoseTolerance()));
 }
 
 TEST_F(FrameHistoryTest, WithoutAnyKeyFrameLooseFramesStayLoose) {

@@ -28,8 +28,9 @@ std::string PoseText(const Rigid3d& pose) {
 }
 
 std::string FrameText(const FrameRecord& record) {
-  return fmt::format("frame {} {} {} {} {} {} {}\n", record.frame, record.stamp.ns, record.map.value, record.anchor.value, record.online ? 1 : 0,
-                     PoseText(record.camera_from_anchor), PoseText(record.online_camera_from_map));
+  return fmt::format("frame {} {} {} {} {} {} {}\n", record.frame, record.stamp.ns, record.map.value,
+                     record.anchor.value, record.online ? 1 : 0, PoseText(record.camera_from_anchor),
+                     PoseText(record.online_camera_from_map));
 }
 
 bool ReadPose(std::istream* fields, Rigid3d* pose) {
@@ -71,7 +72,9 @@ bool ReadLine(const std::string& line, EarlierRun* run, std::map<uint64_t, Frame
   return fields && !(fields >> rest);
 }
 
-Error AtFile(const std::string& path) { return Error{path + ": " + std::strerror(errno)}; }
+Error AtFile(const std::string& path) {
+  return Error{path + ": " + std::strerror(errno)};
+}
 
 }  // namespace
 
@@ -115,7 +118,8 @@ Result<FrameJournal> FrameJournal::Open(const std::string& path, int flags) {
 Result<FrameJournal> FrameJournal::Begin(const std::string& path, const std::string& data) {
   Result<FrameJournal> journal = Open(path, O_CREAT | O_TRUNC);
   if (!journal) return journal;
-  if (Status written = journal->Write(std::string(kTitle) + "\n" + kData + data + "\n"); !written) return written.error();
+  if (Status written = journal->Write(std::string(kTitle) + "\n" + kData + data + "\n"); !written)
+    return written.error();
   return journal;
 }
 

@@ -18,18 +18,20 @@ struct EarlierRun {
     Timestamp first_stamp;  ///< camera's clock
     Timestamp unix_time;
   };
-  std::string data;            ///< source.data
-  std::optional<Start> start;  ///< none: it was no real-time playback, or no frame came
+  std::string data;                 ///< source.data
+  std::optional<Start> start;       ///< none: it was no real-time playback, or no frame came
   std::vector<FrameRecord> frames;  ///< by frame number, each as it stood last
 };
 
-/// A text file of the tracked frames, written as they come, so that a frontend that is killed leaves its part of the trajectory to the one that is
-/// started in its place. A line is written at once: what was tracked is there when the process dies (not when the machine does).
+/// A text file of the tracked frames, written as they come, so that a frontend that is killed leaves its part of the
+/// trajectory to the one that is started in its place. A line is written at once: what was tracked is there when the
+/// process dies (not when the machine does).
 ///
 ///   portolan-frames 1
 ///   data DATA
 ///   start FIRST_STAMP_NS UNIX_NS
-///   frame FRAME STAMP_NS MAP ANCHOR ONLINE CAMERA_FROM_ANCHOR[7] ONLINE_CAMERA_FROM_MAP[7]      poses: tx ty tz qx qy qz qw
+///   frame FRAME STAMP_NS MAP ANCHOR ONLINE CAMERA_FROM_ANCHOR[7] ONLINE_CAMERA_FROM_MAP[7]      poses: tx ty tz qx qy
+///   qz qw
 ///
 /// A frame that hangs on another keyframe later is written again; a last line that is not whole counts as not written.
 class FrameJournal {

@@ -101,8 +101,10 @@ TEST_F(FrameJournalTest, ANewOneReplacesWhatWasThere) {
 
 TEST_F(FrameJournalTest, DamageIsNamedWithItsLine) {
   static_cast<void>(Begin());
-  for (const char* line : {"", "frame", "frame 1 2 3 4 1 0 0 0 0 0 0 1 0 0 0 0 0 0", "frame 1 2 3 4 1 0 0 0 0 0 0 2 0 0 0 0 0 0 1",
-                           "frame 1 2 3 4 1 0 0 nan 0 0 0 1 0 0 0 0 0 0 1", "frame 1 2 3 4 1 0 0 0 0 0 0 1 0 0 0 0 0 0 1 5", "start 1", "end 1"}) {
+  for (const char* line :
+       {"", "frame", "frame 1 2 3 4 1 0 0 0 0 0 0 1 0 0 0 0 0 0", "frame 1 2 3 4 1 0 0 0 0 0 0 2 0 0 0 0 0 0 1",
+        "frame 1 2 3 4 1 0 0 nan 0 0 0 1 0 0 0 0 0 0 1", "frame 1 2 3 4 1 0 0 0 0 0 0 1 0 0 0 0 0 0 1 5", "start 1",
+        "end 1"}) {
     FrameJournal journal = Begin();
     AddText(std::string(line) + "\n");
     EXPECT_THAT(ReadFailure(), HasSubstr(path_ + ":3: ")) << line;

@@ -50,7 +50,8 @@ double CompensatedMotionPx(const Frame& first, const Frame& second, size_t* num_
     if (first.landmarks[i].IsValid()) feature_of.emplace(first.landmarks[i], i);
   }
   const PinholeCamera& camera = first.data->camera;
-  const Eigen::Quaterniond first_from_second = first.camera_from_map.rotation * second.camera_from_map.rotation.conjugate();
+  const Eigen::Quaterniond first_from_second =
+      first.camera_from_map.rotation * second.camera_from_map.rotation.conjugate();
   std::vector<double> motions_px;
   for (size_t i = 0; i < second.landmarks.size(); ++i) {
     const auto same = feature_of.find(second.landmarks[i]);

@@ -8,8 +8,8 @@
 
 namespace portolan {
 
-/// The last frames that were tracked in the active map, from which a new map begins so that it overlaps this one (paper Sec. 3.4), and those since that
-/// could not be tracked. Bounded.
+/// The last frames that were tracked in the active map, from which a new map begins so that it overlaps this one (paper
+/// Sec. 3.4), and those since that could not be tracked. Bounded.
 class FrameRing {
  public:
   explicit FrameRing(size_t capacity) : capacity_(capacity) {}
@@ -25,9 +25,10 @@ class FrameRing {
   const std::deque<Frame>& frames() const { return frames_; }
   const std::deque<Frame>& failed() const { return failed_; }
 
-  /// The youngest frames among which the camera has moved enough for a map to begin: from the latest frame whose landmarks, as far as the newest frame
-  /// sees them too, moved by `min_baseline_px` in the image once the rotation is compensated (paper Eq. 8, median). All frames if none is so far away, but
-  /// none from before the newest has fewer than `min_common` landmarks in common with.
+  /// The youngest frames among which the camera has moved enough for a map to begin: from the latest frame whose
+  /// landmarks, as far as the newest frame sees them too, moved by `min_baseline_px` in the image once the rotation is
+  /// compensated (paper Eq. 8, median). All frames if none is so far away, but none from before the newest has fewer
+  /// than `min_common` landmarks in common with.
   std::vector<Frame> Overlapping(double min_baseline_px, size_t min_common) const;
 
  private:
@@ -36,7 +37,8 @@ class FrameRing {
   std::deque<Frame> failed_;  // since the last of frames_
 };
 
-/// Median image motion, pixels, of the landmarks that two tracked frames have in common, with the rotation between the frames compensated (paper Eq. 8).
+/// Median image motion, pixels, of the landmarks that two tracked frames have in common, with the rotation between the
+/// frames compensated (paper Eq. 8).
 /// @param num_common set to their number.
 double CompensatedMotionPx(const Frame& first, const Frame& second, size_t* num_common);
 

@@ -13,7 +13,8 @@ using ::testing::SizeIs;
 
 const MapId kMap(0, 1, 1), kOther(0, 1, 2);
 
-/// A camera that moves sideways by 0.1 a frame, 5 before its landmarks: 10 px each at their depth, less as it keeps them in the middle.
+/// A camera that moves sideways by 0.1 a frame, 5 before its landmarks: 10 px each at their depth, less as it keeps
+/// them in the middle.
 class FrameRingTest : public ::testing::Test {
  protected:
   FrameRingTest() {
@@ -98,8 +99,10 @@ TEST_F(FrameRingTest, MovesWithTheMap) {
   const Sim3d moved(2, ExpSO3({0, 0.5, 0}), {1, 0, 0});
   ring_.MoveWithMap(kOther, moved);
   EXPECT_EQ(ring_.frames().back().map, kOther);
-  EXPECT_THAT(ring_.frames().back().camera_from_map, RigidNear(TransformPose(scene_.views[4].camera_from_world, moved), PoseTolerance()));
-  EXPECT_THAT(ring_.failed().back().camera_from_map, RigidNear(TransformPose(scene_.views[5].camera_from_world, moved), PoseTolerance()));
+  EXPECT_THAT(ring_.frames().back().camera_from_map,
+              RigidNear(TransformPose(scene_.views[4].camera_from_world, moved), PoseTolerance()));
+  EXPECT_THAT(ring_.failed().back().camera_from_map,
+              RigidNear(TransformPose(scene_.views[5].camera_from_world, moved), PoseTolerance()));
 }
 
 }  // namespace

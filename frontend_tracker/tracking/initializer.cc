@@ -10,7 +10,8 @@ namespace portolan {
 namespace {
 
 /// Where a far point at pixel_px of one view appears in the other, NaN behind it.
-Eigen::Vector2d RotatePixel(const PinholeCamera& camera, const Eigen::Quaterniond& other_from_this, const Eigen::Vector2d& pixel_px) {
+Eigen::Vector2d RotatePixel(const PinholeCamera& camera, const Eigen::Quaterniond& other_from_this,
+                            const Eigen::Vector2d& pixel_px) {
   const Eigen::Vector3d ray = other_from_this * camera.Unproject(pixel_px);
   if (ray.z() <= 0) return Eigen::Vector2d::Constant(std::numeric_limits<double>::quiet_NaN());
   return camera.Project(ray);
@@ -39,7 +40,8 @@ void Initializer::SetFirst(const Frame& frame) {
 std::vector<Eigen::Vector2d> Initializer::PredictPixels(const PinholeCamera& camera) const {
   std::vector<Eigen::Vector2d> predicted(flow_px_.size());
   for (size_t i = 0; i < predicted.size(); ++i) {
-    predicted[i] = RotatePixel(camera, current_from_first_, first_->data->features.pixels_px[i].cast<double>()) + flow_px_[i];
+    predicted[i] =
+        RotatePixel(camera, current_from_first_, first_->data->features.pixels_px[i].cast<double>()) + flow_px_[i];
   }
   return predicted;
 }
@@ -56,8 +58,8 @@ std::optional<Initializer::Pair> Initializer::Offer(const Frame& frame, const Ei
 
   MatcherOptions matcher;
   matcher.ratio = 0.9;  // windows are small and the two-view RANSAC comes after
-  const std::vector<FeatureMatch> matches =
-      MatchByWindow(first_features, PredictPixels(camera), features, frame.data->grid, options_.search_radius_px, matcher);
+  const std::vector<FeatureMatch> matches = MatchByWindow(first_features, PredictPixels(camera), features,
+                                                          frame.data->grid, options_.search_radius_px, matcher);
   num_matches_ = matches.size();
   // "If there are insufficient correspondences the current frame is reset as the first key frame" (paper Sec. 4.1).
   if (static_cast<int>(matches.size()) < options_.min_matches || ++frames_since_first_ > options_.max_frames) {

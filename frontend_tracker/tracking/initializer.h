@@ -9,8 +9,9 @@
 
 namespace portolan {
 
-/// Chooses the two frames from which a new map is made (paper Sec. 4.1, first step): enough matches, and enough image motion once the rotation is
-/// compensated. The mapper makes the map of them, or refuses them: then further frames are offered against the same first one.
+/// Chooses the two frames from which a new map is made (paper Sec. 4.1, first step): enough matches, and enough image
+/// motion once the rotation is compensated. The mapper makes the map of them, or refuses them: then further frames are
+/// offered against the same first one.
 class Initializer {
  public:
   explicit Initializer(const InitializerOptions& options) : options_(options) {}
@@ -18,10 +19,11 @@ class Initializer {
   /// A chosen pair.
   struct Pair {
     Frame first, second;
-    std::vector<std::pair<uint32_t, uint32_t>> matches;  ///< (feature of first, feature of second)
+    std::vector<std::pair<uint32_t, uint32_t>> matches;                     ///< (feature of first, feature of second)
     Eigen::Quaterniond second_from_first = Eigen::Quaterniond::Identity();  ///< rotation, by ESM
-    Eigen::Vector3d translation = Eigen::Vector3d::Zero();  ///< of second_from_first, where both are tracked in another map; 0: unknown
-    double baseline_px = 0;                              ///< median image motion without the rotation
+    /// Of second_from_first, where both are tracked in another map; 0: unknown.
+    Eigen::Vector3d translation = Eigen::Vector3d::Zero();
+    double baseline_px = 0;  ///< median image motion without the rotation
   };
 
   /// @param current_from_last rotation since the frame offered before (identity for the first).
@@ -39,7 +41,8 @@ class Initializer {
   InitializerOptions options_;
   std::optional<Frame> first_;
   Eigen::Quaterniond current_from_first_ = Eigen::Quaterniond::Identity();
-  std::vector<Eigen::Vector2d> flow_px_;  // per feature of the first frame: motion beyond the rotation, as last seen; NaN once lost
+  // Per feature of the first frame: motion beyond the rotation, as last seen; NaN once lost.
+  std::vector<Eigen::Vector2d> flow_px_;
   size_t num_matches_ = 0;
   double baseline_px_ = 0;
   int frames_since_first_ = 0;

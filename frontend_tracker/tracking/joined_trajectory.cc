@@ -53,8 +53,9 @@ Sim3d Continue(const Trajectory& before, const Trajectory& after, const Orientat
   const Eigen::Quaterniond rotation = (from.rotation * turn.conjugate() * to.rotation.conjugate()).normalized();
   // Between the two it went on as the mean of how it went before and after.
   const auto frames = static_cast<ptrdiff_t>(std::min({before.size(), after.size(), kVelocityFrames}));
-  const Eigen::Vector3d velocity = 0.5 * (MeanVelocity(before.end() - frames, before.end() - 1) +
-                                          scale * (rotation * MeanVelocity(after.begin(), after.begin() + (frames - 1))));
+  const Eigen::Vector3d velocity =
+      0.5 * (MeanVelocity(before.end() - frames, before.end() - 1) +
+             scale * (rotation * MeanVelocity(after.begin(), after.begin() + (frames - 1))));
   const double gap_s = std::clamp(SecondsBetween(last.back().stamp, first.front().stamp), 0.0, kMaxGapS);
   return Sim3d(scale, rotation, from.translation + gap_s * velocity - scale * (rotation * to.translation));
 }
@@ -73,18 +74,22 @@ Trajectory Before(const Trajectory& joined, Timestamp first) {
 }
 
 /// From any of the maps that are placed already, the first first.
-std::optional<Sim3d> PlaceByLinks(MapId map, const std::vector<MapId>& placed, const std::map<MapId, Sim3d>& joined_from_map, const LinkGraph& links) {
+std::optional<Sim3d> PlaceByLinks(MapId map, const std::vector<MapId>& placed,
+                                  const std::map<MapId, Sim3d>& joined_from_map, const LinkGraph& links) {
   for (const MapId other : placed) {
     if (const auto other_from_map = links.Find(other, map)) return joined_from_map.at(other) * *other_from_map;
   }
   return std::nullopt;
 }
 
-bool IsEarlier(const TrajectoryPose& a, const TrajectoryPose& b) { return a.stamp < b.stamp; }
+bool IsEarlier(const TrajectoryPose& a, const TrajectoryPose& b) {
+  return a.stamp < b.stamp;
+}
 
 }  // namespace
 
-RunTrajectories MakeTrajectories(const FrameHistory& history, const std::map<MapId, MapReplica>& replicas, const LinkGraph& links) {
+RunTrajectories MakeTrajectories(const FrameHistory& history, const std::map<MapId, MapReplica>& replicas,
+                                 const LinkGraph& links) {
   RunTrajectories result;
   std::map<MapId, Trajectory> own;
   Orientations camera_from_start;
@@ -104,7 +109,8 @@ RunTrajectories MakeTrajectories(const FrameHistory& history, const std::map<Map
   }
   std::vector<MapId> placed;
   for (const MapId map : order) {
-    std::optional<Sim3d> joined_from_map = placed.empty() ? Sim3d() : PlaceByLinks(map, placed, result.joined_from_map, links);
+    std::optional<Sim3d> joined_from_map =
+        placed.empty() ? Sim3d() : PlaceByLinks(map, placed, result.joined_from_map, links);
     if (!joined_from_map) {
       joined_from_map = Continue(Before(result.joined, own[map].front().stamp), own[map], camera_from_start);
       result.unlinked_maps.push_back(map);
@@ -116,7 +122,8 @@ RunTrajectories MakeTrajectories(const FrameHistory& history, const std::map<Map
     }
     std::stable_sort(result.joined.begin(), result.joined.end(), IsEarlier);
     for (const auto& [id, keyframe] : replicas.at(map).map().keyframes()) {
-      result.keyframes.push_back({keyframe.data->stamp, InJoined(*joined_from_map, keyframe.camera_from_map), result.map_numbers[map]});
+      result.keyframes.push_back(
+          {keyframe.data->stamp, InJoined(*joined_from_map, keyframe.camera_from_map), result.map_numbers[map]});
     }
   }
   std::stable_sort(result.keyframes.begin(), result.keyframes.end(), IsEarlier);

@@ -16,7 +16,8 @@ using ::testing::SizeIs;
 
 constexpr size_t kViews = 12;
 
-/// A camera's way through a scene, half of it in one map, half of it in another that is turned and three times as large.
+/// A camera's way through a scene, half of it in one map, half of it in another that is turned and three times as
+/// large.
 class JoinedTrajectoryTest : public ::testing::Test {
  protected:
   JoinedTrajectoryTest() {
@@ -48,7 +49,8 @@ class JoinedTrajectoryTest : public ::testing::Test {
     ASSERT_THAT(trajectory, SizeIs(kViews));
     for (size_t view = 0; view < kViews; ++view) {
       const Rigid3d truth = scene_.views[view].camera_from_world.Inverse();
-      EXPECT_THAT(trajectory[view].world_from_camera, RigidNear(truth, (PoseTolerance{tolerance, tolerance}))) << "view " << view;
+      EXPECT_THAT(trajectory[view].world_from_camera, RigidNear(truth, (PoseTolerance{tolerance, tolerance})))
+          << "view " << view;
     }
   }
 
@@ -90,7 +92,8 @@ TEST_F(JoinedTrajectoryTest, WithoutALinkTheCameraGoesOnAsFastAsBefore) {
   EXPECT_NEAR(step(kViews - 1) / step(1), 1, 0.05);
   // The ways before and after are 1.5 rad apart by dead reckoning: their mean is shorter than each.
   EXPECT_NEAR(step(kViews / 2) / step(1), std::cos(1.5 / 2), 0.1) << "went on meanwhile";
-  const Eigen::Quaterniond turn = run.joined[kViews / 2].world_from_camera.rotation.conjugate() * run.joined[kViews / 2 - 1].world_from_camera.rotation;
+  const Eigen::Quaterniond turn = run.joined[kViews / 2].world_from_camera.rotation.conjugate() *
+                                  run.joined[kViews / 2 - 1].world_from_camera.rotation;
   EXPECT_NEAR(turn.angularDistance(turn_between_maps_), 0, 1e-6) << "turned as dead reckoning says";
 }
 

@@ -23,7 +23,8 @@ double MeanDepth(const Map& map, const Frame& frame) {
 }
 
 /// The keyframe nearest to a place, but for `except` (may be none), and how far it is; infinitely far if there is none.
-std::pair<const KeyFrame*, double> NearestKeyFrame(const Map& map, const Eigen::Vector3d& place_in_map, KeyFrameId except) {
+std::pair<const KeyFrame*, double> NearestKeyFrame(const Map& map, const Eigen::Vector3d& place_in_map,
+                                                   KeyFrameId except) {
   std::pair<const KeyFrame*, double> nearest{nullptr, std::numeric_limits<double>::infinity()};
   for (const auto& [id, keyframe] : map.keyframes()) {
     const double distance = (keyframe.camera_from_map.TargetOriginInSource() - place_in_map).norm();
@@ -36,7 +37,8 @@ double DistanceToNearestKeyFrame(const Map& map, const Rigid3d& camera_from_map)
   return NearestKeyFrame(map, camera_from_map.TargetOriginInSource(), KeyFrameId()).second;
 }
 
-/// Whether the camera is farther from its nearest keyframe than that one is from the next: beyond them, and not in between.
+/// Whether the camera is farther from its nearest keyframe than that one is from the next: beyond them, and not in
+/// between.
 bool IsBeyondKeyFrames(const Map& map, const Rigid3d& camera_from_map) {
   const auto [nearest, distance] = NearestKeyFrame(map, camera_from_map.TargetOriginInSource(), KeyFrameId());
   if (nearest == nullptr) return true;
@@ -99,7 +101,8 @@ bool KeyFramePolicy::IsLeaving(const Map& map, const Frame& frame) const {
 
 bool KeyFramePolicy::IsUrgent(const Map& map, const Frame& frame) const {
   const bool runs_out = frame.num_inliers < options_.few_points && IsViewNew(map, frame);
-  return runs_out || IsFar(map, frame, options_.urgent_distance_factor) || HasLost(map, frame, options_.urgent_reference_overlap);
+  return runs_out || IsFar(map, frame, options_.urgent_distance_factor) ||
+         HasLost(map, frame, options_.urgent_reference_overlap);
 }
 
 KeyFramePolicy::Decision KeyFramePolicy::Decide(const Map& map, const Frame& frame, bool mapper_idle) const {

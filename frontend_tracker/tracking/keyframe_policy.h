@@ -6,8 +6,8 @@
 
 namespace portolan {
 
-/// Decides which frames become keyframes (paper Sec. 3.3): as many as the mapper can take, of those which are tracked well and far enough from
-/// the others.
+/// Decides which frames become keyframes (paper Sec. 3.3): as many as the mapper can take, of those which are tracked
+/// well and far enough from the others.
 class KeyFramePolicy {
  public:
   explicit KeyFramePolicy(const KeyFramePolicyOptions& options) : options_(options) {}
@@ -20,7 +20,7 @@ class KeyFramePolicy {
   }
 
   enum class Decision {
-    kNo,         ///< quality is poor, or too near to another keyframe
+    kNo,  ///< quality is poor, or too near to another keyframe
     kInsert,
     kInterrupt,  ///< urgent, and only the busy mapper is in the way: tell it to stop optimising (paper Sec. 3.3)
   };
@@ -32,14 +32,17 @@ class KeyFramePolicy {
   bool IsQualityFair(const Frame& frame) const;
   /// Second condition, Eq. (7): s_ci / d_c > s_01 / d_0.
   bool IsFarEnough(const Map& map, const Frame& frame) const { return IsFar(map, frame, options_.distance_factor); }
-  /// Beyond the paper: the frame has lost sight of much of what its reference keyframe sees, as when the camera turns; in a known place, of most.
+  /// Beyond the paper: the frame has lost sight of much of what its reference keyframe sees, as when the camera turns;
+  /// in a known place, of most.
   bool IsViewNew(const Map& map, const Frame& frame) const;
-  /// Whether the frame's reference keyframe is not one of the youngest: the camera is where it, or another, has been before.
+  /// Whether the frame's reference keyframe is not one of the youngest: the camera is where it, or another, has been
+  /// before.
   bool IsInKnownPlace(const Frame& frame) const;
-  /// Whether the map ends here, for one that is to get no more keyframes: the frame is too far from all of them (Eq. 7 as it stands in the paper) and not
-  /// between two, or sees little of the map.
+  /// Whether the map ends here, for one that is to get no more keyframes: the frame is too far from all of them (Eq. 7
+  /// as it stands in the paper) and not between two, or sees little of the map.
   bool IsLeaving(const Map& map, const Frame& frame) const;
-  /// Whether the frame is worth interrupting a busy mapper for: by the same two measures, with their urgent limits, or before the landmarks run out.
+  /// Whether the frame is worth interrupting a busy mapper for: by the same two measures, with their urgent limits, or
+  /// before the landmarks run out.
   bool IsUrgent(const Map& map, const Frame& frame) const;
 
  private:

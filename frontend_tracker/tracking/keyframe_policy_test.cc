@@ -60,7 +60,8 @@ TEST_F(KeyFramePolicyTest, AFarWellTrackedFrameIsInserted) {
 
 TEST_F(KeyFramePolicyTest, AMapIsLeftWhereItsKeyFramesOrLandmarksEnd) {
   EXPECT_FALSE(policy_.IsLeaving(map_, MakeFrame(0.5, 1.0))) << "at a keyframe";
-  EXPECT_TRUE(policy_.IsLeaving(map_, MakeFrame(1.5, 1.0))) << "farther from the nearest than the first two from each other";
+  EXPECT_TRUE(policy_.IsLeaving(map_, MakeFrame(1.5, 1.0)))
+      << "farther from the nearest than the first two from each other";
   Frame frame = MakeFrame(0.5, 1.0);
   frame.num_inliers = 49;
   EXPECT_TRUE(policy_.IsLeaving(map_, frame)) << "hardly anything of it is seen";
@@ -135,7 +136,9 @@ TEST_F(KeyFramePolicyTest, AKnownPlaceIsNotMappedAgainForWhatIsNotTrackedOfIt) {
   MakeEstablished();
   const Frame frame = MakeFrame(0.5, 0.7);
   const KeyFrameId reference = frame.reference;
-  const auto later = [&](uint32_t number) { return KeyFrameId(reference.robot(), reference.session(), reference.sequence() + number); };
+  const auto later = [&](uint32_t number) {
+    return KeyFrameId(reference.robot(), reference.session(), reference.sequence() + number);
+  };
   policy_.NoteKeyFrame(later(30), Timestamp::FromSeconds(1));
   EXPECT_FALSE(policy_.IsInKnownPlace(frame));
   EXPECT_EQ(policy_.Decide(map_, frame, true), Decision::kInsert);

@@ -15,10 +15,11 @@ void KeyFrameResend::OnNewMapper() {
   is_new_mapper_ = true;
 }
 
-std::vector<KeyFrameId> KeyFrameResend::Take(const std::vector<KeyFrameId>& unacknowledged, std::optional<KeyFrameId> awaited, bool is_delivered,
-                                             double now_s) {
+std::vector<KeyFrameId> KeyFrameResend::Take(const std::vector<KeyFrameId>& unacknowledged,
+                                             std::optional<KeyFrameId> awaited, bool is_delivered, double now_s) {
   for (auto next = sent_.begin(); next != sent_.end();) {
-    next = std::binary_search(unacknowledged.begin(), unacknowledged.end(), next->first) ? std::next(next) : sent_.erase(next);
+    next = std::binary_search(unacknowledged.begin(), unacknowledged.end(), next->first) ? std::next(next)
+                                                                                         : sent_.erase(next);
   }
   const bool is_stuck = now_s - heard_s_ < kPatienceS && now_s - last_send_s_ >= kUndeliveredS;
   if (!is_new_mapper_ && !is_delivered && !is_stuck) return {};

@@ -8,15 +8,18 @@
 
 namespace portolan {
 
-/// Which of the keyframes that no delta has contained yet are to be sent again, and when. What DDS still has on its way is left to it: sent again it would
-/// come twice, over a link that is slow or cut as it is. Time is in seconds of any steady clock.
+/// Which of the keyframes that no delta has contained yet are to be sent again, and when. What DDS still has on its way
+/// is left to it: sent again it would come twice, over a link that is slow or cut as it is. Time is in seconds of any
+/// steady clock.
 class KeyFrameResend {
  public:
-  static constexpr double kPatienceS = 2.0;      ///< many times what a mapper takes for a keyframe; doubled with each time it is sent again,
-  static constexpr double kMostPatienceS = 16.0; ///< up to this
-  static constexpr double kUndeliveredS = 10.0;  ///< with the mapper heard of and readers that don't acknowledge: one of them has stopped
-  static constexpr int kMaxTimes = 4;            ///< for one that is not awaited: its map may be nobody's any more
-  static constexpr size_t kBatch = 16;           ///< keyframes at a time; the next when DDS has delivered them
+  /// Many times what a mapper takes for a keyframe; doubled with each time it is sent again,.
+  static constexpr double kPatienceS = 2.0;
+  static constexpr double kMostPatienceS = 16.0;  ///< up to this
+  /// With the mapper heard of and readers that don't acknowledge: one of them has stopped.
+  static constexpr double kUndeliveredS = 10.0;
+  static constexpr int kMaxTimes = 4;   ///< for one that is not awaited: its map may be nobody's any more
+  static constexpr size_t kBatch = 16;  ///< keyframes at a time; the next when DDS has delivered them
 
   /// A keyframe went out for the first time.
   void OnSent(KeyFrameId id, double now_s);
@@ -28,7 +31,8 @@ class KeyFrameResend {
   /// @param awaited         the one whose answer the tracker waits for; none if it waits for none.
   /// @param is_delivered    every reader has acknowledged all that was written.
   /// @return those to be sent now, noted as sent.
-  std::vector<KeyFrameId> Take(const std::vector<KeyFrameId>& unacknowledged, std::optional<KeyFrameId> awaited, bool is_delivered, double now_s);
+  std::vector<KeyFrameId> Take(const std::vector<KeyFrameId>& unacknowledged, std::optional<KeyFrameId> awaited,
+                               bool is_delivered, double now_s);
 
  private:
   struct Sent {

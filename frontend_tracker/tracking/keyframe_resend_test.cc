@@ -47,7 +47,8 @@ TEST_F(KeyFrameResendTest, OneThatNobodyWaitsForIsGivenUp) {
 
 TEST_F(KeyFrameResendTest, WhatIsOnItsWayIsLeftToDds) {
   SendBoth();
-  for (double now_s = 0; now_s < 60; now_s += 0.5) EXPECT_THAT(resend_.Take(kBoth, kSecond, false, now_s), IsEmpty()) << "a cut link, " << now_s;
+  for (double now_s = 0; now_s < 60; now_s += 0.5)
+    EXPECT_THAT(resend_.Take(kBoth, kSecond, false, now_s), IsEmpty()) << "a cut link, " << now_s;
   EXPECT_THAT(resend_.Take(kBoth, kSecond, true, 60), ElementsAre(kFirst, kSecond));
 }
 

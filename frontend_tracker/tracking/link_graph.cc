@@ -27,7 +27,8 @@ void LinkGraph::Link(const Place& map, const Place& other, const Sim3d& map_from
 }
 
 Sim3d LinkGraph::FirstFromSecond(const Pair& maps, const Edge& edge) const {
-  return MotionOf(maps.first, edge.motion_of_first) * edge.first_from_second * MotionOf(maps.second, edge.motion_of_second).Inverse();
+  return MotionOf(maps.first, edge.motion_of_first) * edge.first_from_second *
+         MotionOf(maps.second, edge.motion_of_second).Inverse();
 }
 
 void LinkGraph::Fuse(MapId map, MapId other, const Sim3d& map_from_other) {

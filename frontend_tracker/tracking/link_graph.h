@@ -13,8 +13,8 @@
 
 namespace portolan {
 
-/// The maps that the tracker has heard of and how they lie to each other (paper Sec. 6: the map graph). A link is measured at one place; when a map is
-/// corrected later, the link moves with what a keyframe near that place sees.
+/// The maps that the tracker has heard of and how they lie to each other (paper Sec. 6: the map graph). A link is
+/// measured at one place; when a map is corrected later, the link moves with what a keyframe near that place sees.
 class LinkGraph {
  public:
   /// The tracker's replica of a map, null if it has none.
@@ -37,7 +37,8 @@ class LinkGraph {
 
   /// target_from_source along the fewest links, as the maps are now; none if there is no way.
   std::optional<Sim3d> Find(MapId target, MapId source) const;
-  /// Maps that can be reached: those with most mutual activity with `from` first, then by number of links on the way, then by id.
+  /// Maps that can be reached: those with most mutual activity with `from` first, then by number of links on the way,
+  /// then by id.
   /// @param max_links on the way; each adds its drift.
   std::vector<MapId> Reachable(MapId from, int max_links = std::numeric_limits<int>::max()) const;
   int Activity(MapId a, MapId b) const;

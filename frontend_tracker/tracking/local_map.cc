@@ -8,7 +8,8 @@
 namespace portolan {
 namespace {
 
-constexpr size_t kNeighboursEach = 10;  // covisible keyframes added for each keyframe that shares landmarks with the frame
+// Covisible keyframes added for each keyframe that shares landmarks with the frame.
+constexpr size_t kNeighboursEach = 10;
 
 /// Keyframes by number of the given landmarks that they see, most first, then by id.
 std::vector<std::pair<KeyFrameId, int>> Vote(const Map& map, const std::vector<MapPointId>& landmarks) {
@@ -62,8 +63,8 @@ void LocalMap::CollectLandmarks(const Map& map) {
     for (const MapPointId landmark : map.keyframe(id).landmarks) {
       if (!taken.insert(landmark).second) continue;
       const MapPoint& point = map.point(landmark);
-      landmarks_.push_back({landmark, point.position_in_map.cast<double>(), point.mean_viewing_direction, point.min_distance,
-                            point.max_distance, point.descriptor});
+      landmarks_.push_back({landmark, point.position_in_map.cast<double>(), point.mean_viewing_direction,
+                            point.min_distance, point.max_distance, point.descriptor});
     }
   }
 }

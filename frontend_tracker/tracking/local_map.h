@@ -7,8 +7,9 @@
 
 namespace portolan {
 
-/// The part of the map that a frame may see (paper Sec. 3.2): keyframes that share landmarks with it, their neighbours in the pose graph, and the landmarks
-/// of all these, laid out for a fast pass. Rebuilt only when its keyframes or the map have changed.
+/// The part of the map that a frame may see (paper Sec. 3.2): keyframes that share landmarks with it, their neighbours
+/// in the pose graph, and the landmarks of all these, laid out for a fast pass. Rebuilt only when its keyframes or the
+/// map have changed.
 class LocalMap {
  public:
   struct Landmark {

@@ -36,10 +36,12 @@ class MapBeginning {
   /// The pair that the mapper has not answered yet; the frames' data have the keyframes' ids.
   const std::optional<std::pair<Frame, Frame>>& sent() const { return sent_; }
 
-  /// Queues a frame for OfferQueued(). @param current_from_last rotation since the frame queued before. @param may_complete whether it may be the
-  /// second of a pair: a map made of frames that were all tracked in the old one would not show what the camera sees now.
+  /// Queues a frame for OfferQueued(). @param current_from_last rotation since the frame queued before. @param
+  /// may_complete whether it may be the second of a pair: a map made of frames that were all tracked in the old one
+  /// would not show what the camera sees now.
   void Queue(Frame frame, const Eigen::Quaterniond& current_from_last, bool may_complete);
-  /// Offers queued frames, at most so many: what past frames cost is spread over the frames to come. @return the pair that is complete, to be sent.
+  /// Offers queued frames, at most so many: what past frames cost is spread over the frames to come. @return the pair
+  /// that is complete, to be sent.
   std::optional<Initializer::Pair> OfferQueued(int most);
   /// @param current_from_last rotation since the frame offered before.
   /// @return the pair that this frame completes, to be sent.

@@ -25,13 +25,16 @@ struct FrameInMap {
   const std::vector<MapPointId>& landmarks;
 };
 
-/// @param in_map, in_other the same frame: features have the same numbers in both. Landmarks that are gone, and those behind the camera, are left out.
+/// @param in_map, in_other the same frame: features have the same numbers in both. Landmarks that are gone, and those
+/// behind the camera, are left out.
 Overlap MakeOverlap(const FrameInMap& in_map, const FrameInMap& in_other);
 
-/// map_from_other that keeps the camera where it is: both poses put it at the same place. @param scale units of `map` per unit of `other`.
+/// map_from_other that keeps the camera where it is: both poses put it at the same place. @param scale units of `map`
+/// per unit of `other`.
 Sim3d LinkThroughCamera(const Rigid3d& camera_from_map, const Rigid3d& camera_from_other, double scale);
 
-/// Common features from which a frame counts for a link; with fewer, down to kFewOverlapFeatures, where their depths agree on the scale to kMaxScaleError.
+/// Common features from which a frame counts for a link; with fewer, down to kFewOverlapFeatures, where their depths
+/// agree on the scale to kMaxScaleError.
 constexpr size_t kMinOverlapFeatures = 20;
 constexpr size_t kFewOverlapFeatures = 8;
 constexpr double kMaxScaleError = 0.08;  ///< standard error of the median, relative
@@ -40,10 +43,11 @@ constexpr double kMaxScaleError = 0.08;  ///< standard error of the median, rela
 constexpr size_t kMinWayFrames = 6;
 constexpr double kMinWayInDepths = 0.15;
 
-/// map_from_other, from frames localised in both maps: each gives a scale, the median ratio of its features' depths, and by its poses the rest. Scale is the
-/// median over frames, or, where the camera has gone far enough, the median ratio of the distances between its places: poses are averages over many
-/// landmarks, while depths of young ones err to one side; rotation and translation are those of the frame that agrees best with all others. None without a frame that counts.
-/// Beyond paper Sec. 3.4, where overlapping maps are related only once an overlap is found.
+/// map_from_other, from frames localised in both maps: each gives a scale, the median ratio of its features' depths,
+/// and by its poses the rest. Scale is the median over frames, or, where the camera has gone far enough, the median
+/// ratio of the distances between its places: poses are averages over many landmarks, while depths of young ones err to
+/// one side; rotation and translation are those of the frame that agrees best with all others. None without a frame
+/// that counts. Beyond paper Sec. 3.4, where overlapping maps are related only once an overlap is found.
 std::optional<Sim3d> MeasureLink(const std::vector<Overlap>& overlaps);
 
 }  // namespace portolan

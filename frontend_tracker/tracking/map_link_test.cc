@@ -26,7 +26,8 @@ class MapLinkTest : public ::testing::Test {
   Overlap OverlapOfView(size_t view) const {
     const Rigid3d camera_from_other = scene_.views[view].camera_from_world;
     const auto in_map = TrueLandmarks(scene_, view, map_), in_other = TrueLandmarks(scene_, view, other_);
-    return MakeOverlap({map_, TransformPose(camera_from_other, map_from_other_), in_map}, {other_, camera_from_other, in_other});
+    return MakeOverlap({map_, TransformPose(camera_from_other, map_from_other_), in_map},
+                       {other_, camera_from_other, in_other});
   }
 
   const Sim3d map_from_other_{2.7, ExpSO3({0.3, -0.8, 0.5}), {4, -2, 7}};
@@ -46,7 +47,7 @@ TEST_F(MapLinkTest, AThirdOfBadDepthsDoesNoHarm) {
   Random random(3);
   for (size_t i = 0; i < overlap.depths.size(); ++i) {
     overlap.depths[i].first *= 1 + 0.01 * random.Gaussian();  // of each point's own depth
-    if (i % 3 == 0) overlap.depths[i].first *= 5;              // landmarks that are wrong
+    if (i % 3 == 0) overlap.depths[i].first *= 5;             // landmarks that are wrong
   }
   const auto link = MeasureLink({overlap});
   ASSERT_TRUE(link);
@@ -70,7 +71,8 @@ TEST_F(MapLinkTest, AWayTellsTheScaleBetterThanDepthsThatErrToOneSide) {
     overlaps.push_back(OverlapOfView(view));
     for (auto& [in_map, in_other] : overlaps.back().depths) in_map *= 1.05;
   }
-  overlaps[2].camera_from_map = Rigid3d(Eigen::Quaterniond::Identity(), {0.5, 0, 0}) * overlaps[2].camera_from_map;  // one is wrong
+  // One is wrong.
+  overlaps[2].camera_from_map = Rigid3d(Eigen::Quaterniond::Identity(), {0.5, 0, 0}) * overlaps[2].camera_from_map;
   const auto link = MeasureLink(overlaps);
   ASSERT_TRUE(link);
   EXPECT_NEAR(link->scale / map_from_other_.scale, 1, 1e-3);
@@ -108,7 +110,10 @@ TEST_F(MapLinkTest, LandmarksThatAreGoneOrBehindTheCameraDoNotCount) {
   auto in_map = landmarks;
   const auto in_other = TrueLandmarks(scene_, 2, other_);
   const Rigid3d camera_from_other = scene_.views[2].camera_from_world;
-  EXPECT_EQ(MakeOverlap({map_, TransformPose(camera_from_other, map_from_other_), in_map}, {other_, camera_from_other, in_other}).depths.size(), all - 1);
+  EXPECT_EQ(MakeOverlap({map_, TransformPose(camera_from_other, map_from_other_), in_map},
+                        {other_, camera_from_other, in_other})
+                .depths.size(),
+            all - 1);
   const Rigid3d looking_away = Rigid3d(ExpSO3({0, M_PI, 0}), Eigen::Vector3d::Zero()) * camera_from_other;
   EXPECT_TRUE(MakeOverlap({map_, looking_away, in_map}, {other_, looking_away, in_other}).depths.empty());
 }

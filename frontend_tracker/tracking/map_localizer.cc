@@ -6,9 +6,9 @@
 namespace portolan {
 namespace {
 
-constexpr size_t kNearKeyFrames = 12;     // looked at more closely
-constexpr double kMinViewCosine = 0.5;    // 60 degrees between the optical axes: about the width of a picture
-constexpr size_t kReferenceKeyFrames = 3; // whose landmarks together cover a view
+constexpr size_t kNearKeyFrames = 12;      // looked at more closely
+constexpr double kMinViewCosine = 0.5;     // 60 degrees between the optical axes: about the width of a picture
+constexpr size_t kReferenceKeyFrames = 3;  // whose landmarks together cover a view
 
 bool IsInPicture(const PinholeCamera& camera, const Eigen::Vector3d& in_camera) {
   return in_camera.z() > 0 && camera.Contains(camera.Project(in_camera));
@@ -33,7 +33,8 @@ std::vector<KeyFrameId> NearKeyFrames(const Map& map, const Rigid3d& camera_from
 
 }  // namespace
 
-std::vector<KeyFrameId> KeyFramesInView(const Map& map, const PinholeCamera& camera, const Rigid3d& camera_from_map, size_t most) {
+std::vector<KeyFrameId> KeyFramesInView(const Map& map, const PinholeCamera& camera, const Rigid3d& camera_from_map,
+                                        size_t most) {
   std::vector<std::pair<int, KeyFrameId>> seen;  // negative number of landmarks: most first, then the nearest
   for (const KeyFrameId id : NearKeyFrames(map, camera_from_map)) {
     int landmarks = 0;
@@ -48,7 +49,8 @@ std::vector<KeyFrameId> KeyFramesInView(const Map& map, const PinholeCamera& cam
   return keyframes;
 }
 
-std::vector<ReferenceLandmark> LandmarksInView(const Map& map, const PinholeCamera& camera, const Rigid3d& camera_from_map) {
+std::vector<ReferenceLandmark> LandmarksInView(const Map& map, const PinholeCamera& camera,
+                                               const Rigid3d& camera_from_map) {
   std::vector<ReferenceLandmark> landmarks;
   std::unordered_set<MapPointId> taken;
   for (const KeyFrameId id : KeyFramesInView(map, camera, camera_from_map, kReferenceKeyFrames)) {
@@ -69,10 +71,12 @@ bool MapLocalizer::LocalizeNear(const Map& map, const Rigid3d& predicted_camera_
   if (inliers < options.min_coarse_inliers) {
     inliers = tracker_.TrackCoarse(map, reference, predicted_camera_from_map, options.wide_radius_px, frame);
   }
-  if (inliers >= options_.keyframe.min_points && tracker_.TrackFine(map, frame) >= options_.relocalizer.min_inliers) return true;
+  if (inliers >= options_.keyframe.min_points && tracker_.TrackFine(map, frame) >= options_.relocalizer.min_inliers)
+    return true;
   const auto nearest = KeyFramesInView(map, frame->data->camera, predicted_camera_from_map, 1);
   return !frame->data->bow.empty() && !nearest.empty() &&
-         relocalizer_.TrackKeyFrame(map, nearest.front(), options_.relocalizer.min_inliers, &tracker_, frame) && Relocalizer::IsSure(*frame);
+         relocalizer_.TrackKeyFrame(map, nearest.front(), options_.relocalizer.min_inliers, &tracker_, frame) &&
+         Relocalizer::IsSure(*frame);
 }
 
 bool MapLocalizer::LocalizeByWords(const Map& map, const KeyFrameIndex& index, Frame* frame) {

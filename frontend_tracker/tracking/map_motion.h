@@ -12,8 +12,8 @@
 
 namespace portolan {
 
-/// How a change of the map (BA, loop closure) moves what a keyframe sees, for what was estimated in the map as it was before: the tracker's
-/// pose and velocity stay where they are in the scene.
+/// How a change of the map (BA, loop closure) moves what a keyframe sees, for what was estimated in the map as it was
+/// before: the tracker's pose and velocity stay where they are in the scene.
 ///
 ///   MapMotion motion(map, keyframe);
 ///   ... the map changes ...
@@ -25,8 +25,8 @@ class MapMotion {
   /// Notes the keyframe's pose and its landmarks. One that is not in the map measures nothing later.
   MapMotion(const Map& map, KeyFrameId keyframe);
 
-  /// map_from_map, from the map as it was to the map as it is, around the keyframe: its motion, and as scale the median change of its landmarks'
-  /// distances. None if the keyframe is gone.
+  /// map_from_map, from the map as it was to the map as it is, around the keyframe: its motion, and as scale the median
+  /// change of its landmarks' distances. None if the keyframe is gone.
   std::optional<Sim3d> Measure(const Map& map) const;
   KeyFrameId keyframe() const { return keyframe_; }
 

@@ -2,7 +2,9 @@
 
 namespace portolan {
 
-bool PlaceQueries::IsDue(Timestamp now) const { return !last_sent_ || SecondsBetween(*last_sent_, now) >= kIntervalS; }
+bool PlaceQueries::IsDue(Timestamp now) const {
+  return !last_sent_ || SecondsBetween(*last_sent_, now) >= kIntervalS;
+}
 
 void PlaceQueries::NoteSent(Timestamp now) {
   last_sent_ = now;

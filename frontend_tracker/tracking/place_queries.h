@@ -7,8 +7,8 @@
 
 namespace portolan {
 
-/// When a tracker that knows no map where it is asks the atlas_server whether it knows the place, and when, at the start of a run, it stops waiting for that
-/// and begins a map of its own. Time is that of the frames.
+/// When a tracker that knows no map where it is asks the atlas_server whether it knows the place, and when, at the
+/// start of a run, it stops waiting for that and begins a map of its own. Time is that of the frames.
 class PlaceQueries {
  public:
   static constexpr double kIntervalS = 1.0;

@@ -5,7 +5,9 @@
 namespace portolan {
 namespace {
 
-Timestamp At(double seconds) { return Timestamp::FromSeconds(seconds); }
+Timestamp At(double seconds) {
+  return Timestamp::FromSeconds(seconds);
+}
 
 TEST(PlaceQueries, AsksOnceASecond) {
   PlaceQueries queries;

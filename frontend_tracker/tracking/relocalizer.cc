@@ -11,9 +11,10 @@
 namespace portolan {
 namespace {
 
-constexpr double kGuidedRadiusPx = 10.0;  // after EPnP the keyframe's other landmarks lie within this of their projection
-// Of the matches that a wrong pose finds in the windows of the fine stage (4 px) so many lie within the inliers' gate (2.4 px) all the same, once it is
-// fitted to them: seen on office_walk.
+// After EPnP the keyframe's other landmarks lie within this of their projection.
+constexpr double kGuidedRadiusPx = 10.0;
+// Of the matches that a wrong pose finds in the windows of the fine stage (4 px) so many lie within the inliers' gate
+// (2.4 px) all the same, once it is fitted to them: seen on office_walk.
 constexpr double kChanceShare = 0.5;
 constexpr double kSigmas = 3.0;
 
@@ -23,8 +24,8 @@ bool IsBeyondChance(const Frame& frame) {
   return frame.num_inliers > kChanceShare * matches + kSigmas * std::sqrt(kChanceShare * (1 - kChanceShare) * matches);
 }
 
-// Of the picture's cells in which there are features, so many at least must have an inlier. A poster or a label on a wall alone looks the same from two
-// sides, and may hang elsewhere too.
+// Of the picture's cells in which there are features, so many at least must have an inlier. A poster or a label on a
+// wall alone looks the same from two sides, and may hang elsewhere too.
 constexpr double kMinSpread = 0.25;
 constexpr int kCells = 8;  // each way
 
@@ -34,7 +35,8 @@ bool IsSpread(const Frame& frame) {
   std::array<bool, kCells * kCells> has_feature{}, has_inlier{};
   for (size_t i = 0; i < frame.landmarks.size(); ++i) {
     const Eigen::Vector2f pixel = frame.data->features.pixels_px[i];
-    const int column = std::clamp(static_cast<int>(pixel.x() * kCells / static_cast<float>(camera.width)), 0, kCells - 1);
+    const int column =
+        std::clamp(static_cast<int>(pixel.x() * kCells / static_cast<float>(camera.width)), 0, kCells - 1);
     const int row = std::clamp(static_cast<int>(pixel.y() * kCells / static_cast<float>(camera.height)), 0, kCells - 1);
     const auto cell = static_cast<size_t>(row * kCells + column);
     has_feature[cell] = true;
@@ -45,7 +47,8 @@ bool IsSpread(const Frame& frame) {
   return static_cast<double>(with_inlier) >= kMinSpread * static_cast<double>(with_feature);
 }
 
-/// Matches of a keyframe's landmarks with a frame's features in the same vocabulary nodes: (feature of keyframe, of frame).
+/// Matches of a keyframe's landmarks with a frame's features in the same vocabulary nodes: (feature of keyframe, of
+/// frame).
 std::vector<FeatureMatch> MatchLandmarks(const KeyFrame& keyframe, const KeyFrameData& frame) {
   MatcherOptions matcher;
   matcher.ratio = 0.75;  // stricter than with a motion model: nothing else vouches for these matches
@@ -57,10 +60,12 @@ std::vector<FeatureMatch> MatchLandmarks(const KeyFrame& keyframe, const KeyFram
 
 }  // namespace
 
-bool Relocalizer::IsSure(const Frame& frame) { return IsBeyondChance(frame) && IsSpread(frame); }
+bool Relocalizer::IsSure(const Frame& frame) {
+  return IsBeyondChance(frame) && IsSpread(frame);
+}
 
-bool Relocalizer::Relocalize(const Map& map, const KeyFrameIndex& index, const std::optional<CameraReach>& reach, MapTracker* tracker,
-                             Frame* frame) const {
+bool Relocalizer::Relocalize(const Map& map, const KeyFrameIndex& index, const std::optional<CameraReach>& reach,
+                             MapTracker* tracker, Frame* frame) const {
   CandidateOptions candidate_options;
   candidate_options.most = static_cast<size_t>(options_.max_candidates);
   for (const Candidate& candidate : FindCandidates(frame->data->bow, index, map, candidate_options, nullptr)) {
@@ -70,7 +75,8 @@ bool Relocalizer::Relocalize(const Map& map, const KeyFrameIndex& index, const s
   return false;
 }
 
-bool Relocalizer::TrackKeyFrame(const Map& map, KeyFrameId id, int min_inliers, MapTracker* tracker, Frame* frame) const {
+bool Relocalizer::TrackKeyFrame(const Map& map, KeyFrameId id, int min_inliers, MapTracker* tracker,
+                                Frame* frame) const {
   const KeyFrame* keyframe = map.FindKeyFrame(id);
   if (keyframe == nullptr) return false;
   const std::vector<FeatureMatch> matches = MatchLandmarks(*keyframe, *frame->data);
@@ -87,7 +93,8 @@ bool Relocalizer::TrackKeyFrame(const Map& map, KeyFrameId id, int min_inliers, 
   AbsolutePoseOptions pose_options;
   pose_options.seed = seed_;
   pose_options.min_inliers = options_.min_matches * 2 / 3;
-  const Result<AbsolutePose> pose = EstimateAbsolutePose(frame->data->camera, landmarks_in_map, pixels_px, sigmas_px, pose_options);
+  const Result<AbsolutePose> pose =
+      EstimateAbsolutePose(frame->data->camera, landmarks_in_map, pixels_px, sigmas_px, pose_options);
   if (!pose) return false;
 
   // "The reference frame is the previous key frame used for relocalizing" (paper Sec. 3.2).

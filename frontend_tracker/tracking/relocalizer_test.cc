@@ -92,7 +92,9 @@ TEST_F(RelocalizerTest, ACornerThatLooksTheSameIsNoPlace) {
   };
   size_t in_corner = 0;
   for (size_t i = 0; i < label.size(); ++i) {
-    if (label.pixels_px[i].x() > 0.35f * static_cast<float>(camera.width) || label.pixels_px[i].y() > 0.35f * static_cast<float>(camera.height)) continue;
+    if (label.pixels_px[i].x() > 0.35f * static_cast<float>(camera.width) ||
+        label.pixels_px[i].y() > 0.35f * static_cast<float>(camera.height))
+      continue;
     append(i);
     ++in_corner;
   }
@@ -101,7 +103,8 @@ TEST_F(RelocalizerTest, ACornerThatLooksTheSameIsNoPlace) {
   data.features = features;
   other.data = MakeKeyFrameData(std::move(data), vocabulary_.get());
   other.landmarks.assign(features.size(), MapPointId());
-  ASSERT_TRUE(relocalizer_.TrackKeyFrame(map_, scene_.views[3].data->id, 30, &tracker_, &other)) << "by their number alone it would be believed";
+  ASSERT_TRUE(relocalizer_.TrackKeyFrame(map_, scene_.views[3].data->id, 30, &tracker_, &other))
+      << "by their number alone it would be believed";
   EXPECT_FALSE(Relocalizer::IsSure(other));
   EXPECT_FALSE(relocalizer_.Relocalize(map_, index_, std::nullopt, &tracker_, &other));
 }
@@ -110,7 +113,8 @@ TEST_F(RelocalizerTest, APlaceOutOfReachOnlyLooksTheSame) {
   const Eigen::Vector3d centre = scene_.views[kLostView].camera_from_world.TargetOriginInSource();
   Frame frame = FrameOfView(scene_, kLostView);
   EXPECT_TRUE(relocalizer_.Relocalize(map_, index_, CameraReach{centre, 0.1}, &tracker_, &frame));
-  EXPECT_FALSE(relocalizer_.Relocalize(map_, index_, CameraReach{centre + Eigen::Vector3d(0, 0, 0.2), 0.1}, &tracker_, &frame));
+  EXPECT_FALSE(
+      relocalizer_.Relocalize(map_, index_, CameraReach{centre + Eigen::Vector3d(0, 0, 0.2), 0.1}, &tracker_, &frame));
 }
 
 TEST_F(RelocalizerTest, NothingToFindInAnEmptyMapOrWithoutWords) {

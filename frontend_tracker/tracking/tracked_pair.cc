@@ -49,12 +49,14 @@ std::vector<Eigen::Vector2d> PredictPixels(const Map& map, const Frame& first, c
   const std::vector<KnownDepth> known = KnownDepths(map, first);
   const FeatureSet& features = first.data->features;
   const PinholeCamera& camera = first.data->camera;
-  std::vector<Eigen::Vector2d> predicted(features.size(), Eigen::Vector2d::Constant(std::numeric_limits<double>::quiet_NaN()));
+  std::vector<Eigen::Vector2d> predicted(features.size(),
+                                         Eigen::Vector2d::Constant(std::numeric_limits<double>::quiet_NaN()));
   if (known.size() < kNeighbours) return predicted;
   for (size_t i = 0; i < features.size(); ++i) {
     // The ray's point, scaled by its inverse depth.
-    const Eigen::Vector3d in_second = second_from_first.rotation * camera.Unproject(features.pixels_px[i].cast<double>()) +
-                                      InverseDepthAt(features.pixels_px[i], known) * second_from_first.translation;
+    const Eigen::Vector3d in_second =
+        second_from_first.rotation * camera.Unproject(features.pixels_px[i].cast<double>()) +
+        InverseDepthAt(features.pixels_px[i], known) * second_from_first.translation;
     if (in_second.z() > 0) predicted[i] = camera.Project(in_second);
   }
   return predicted;
@@ -78,7 +80,8 @@ std::vector<std::pair<uint32_t, uint32_t>> CommonLandmarks(const Frame& first, c
 
 }  // namespace
 
-std::optional<Initializer::Pair> MakeTrackedPair(const Map& map, const Frame& first, const Frame& second, const InitializerOptions& options) {
+std::optional<Initializer::Pair> MakeTrackedPair(const Map& map, const Frame& first, const Frame& second,
+                                                 const InitializerOptions& options) {
   Initializer::Pair pair;
   const Rigid3d second_from_first = second.camera_from_map * first.camera_from_map.Inverse();
   pair.matches = CommonLandmarks(first, second);
@@ -86,8 +89,8 @@ std::optional<Initializer::Pair> MakeTrackedPair(const Map& map, const Frame& fi
   for (const auto& [i, j] : pair.matches) first_used[i] = second_used[j] = true;
   MatcherOptions matcher;
   matcher.ratio = 0.9;  // windows are small, and triangulation checks the matches
-  for (const FeatureMatch& match : MatchByWindow(first.data->features, PredictPixels(map, first, second_from_first), second.data->features,
-                                                 second.data->grid, kRadiusPx, matcher)) {
+  for (const FeatureMatch& match : MatchByWindow(first.data->features, PredictPixels(map, first, second_from_first),
+                                                 second.data->features, second.data->grid, kRadiusPx, matcher)) {
     if (!first_used[match.first] && !second_used[match.second]) pair.matches.emplace_back(match.first, match.second);
   }
   if (static_cast<int>(pair.matches.size()) < options.min_matches) return std::nullopt;

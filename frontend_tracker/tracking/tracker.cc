@@ -10,22 +10,26 @@
 namespace portolan {
 namespace {
 
-constexpr size_t kPastFrames = 30;          // from which a new map may begin: a second of a fast camera, three of a slow one
-constexpr double kNearTurn = 0.3;           // rad, of a frame from its prediction: the rest of a fast turn that ESM did not see
-constexpr double kNearShift = 0.3;          // of what the frame sees, in its depths
-constexpr size_t kKeptAcknowledged = 32;    // more than come within the seconds that an atlas_server's copy of the map may be old
+// From which a new map may begin: a second of a fast camera, three of a slow one.
+constexpr size_t kPastFrames = 30;
+// Rad, of a frame from its prediction: the rest of a fast turn that ESM did not see.
+constexpr double kNearTurn = 0.3;
+constexpr double kNearShift = 0.3;  // of what the frame sees, in its depths
+// More than come within the seconds that an atlas_server's copy of the map may be old.
+constexpr size_t kKeptAcknowledged = 32;
 
 /// Whether the motion model vouches for a pose, roughly.
 bool IsNear(const Map& map, const Rigid3d& predicted_camera_from_map, const Frame& frame) {
-  const double shift = (frame.camera_from_map.TargetOriginInSource() - predicted_camera_from_map.TargetOriginInSource()).norm();
+  const double shift =
+      (frame.camera_from_map.TargetOriginInSource() - predicted_camera_from_map.TargetOriginInSource()).norm();
   return frame.camera_from_map.rotation.angularDistance(predicted_camera_from_map.rotation) < kNearTurn &&
          shift < kNearShift * map.MedianDepth(frame.reference);
 }
 
 }  // namespace
 
-Tracker::Tracker(const TrackerOptions& options, const CameraModel& camera, std::shared_ptr<const Vocabulary> vocabulary, RobotId robot,
-                 uint32_t session)
+Tracker::Tracker(const TrackerOptions& options, const CameraModel& camera, std::shared_ptr<const Vocabulary> vocabulary,
+                 RobotId robot, uint32_t session)
     : options_(options),
       robot_(robot),
       camera_(camera),
@@ -90,7 +94,8 @@ Frame Tracker::MakeFrame(const Image& image) {
   data.residual = camera_.residual;
   data.pyramid = options_.orb.pyramid;
   data.features = extractor_.Extract(image.grey, camera_);
-  QuantizeFeatures(&data.features, data.camera);  // here already, so that the tracker computes with what the others receive
+  // Here already, so that the tracker computes with what the others receive.
+  QuantizeFeatures(&data.features, data.camera);
   Frame frame;
   frame.number = image.frame;
   frame.stamp = image.stamp;
@@ -130,7 +135,8 @@ void Tracker::Reckon(Frame* frame, bool is_tracked) {
   frame->camera_from_start = (turn * last_frame_->camera_from_start).normalized();
 }
 
-/// Where the camera can be in the active map, as long as its pictures followed one another since it was tracked there; after a cut or in the dark, anywhere.
+/// Where the camera can be in the active map, as long as its pictures followed one another since it was tracked there;
+/// after a cut or in the dark, anywhere.
 std::optional<CameraReach> Tracker::Reach(Timestamp now) const {
   if (!options_.use_esm || !is_view_continuous_) return std::nullopt;
   return ReachOfCamera(history_, ActiveMap(), now);
@@ -142,15 +148,18 @@ std::vector<Rigid3d> Tracker::PredictPoses(const Frame& frame) {
   if (!options_.use_esm) return {by_velocity};
   const Rigid3d& last = last_frame_->camera_from_map;
   const Eigen::Quaterniond predicted_turn = by_velocity.rotation * last.rotation.conjugate();
-  const Eigen::Quaterniond turn = EstimateRotation(frame, lost_frames_ == 0 ? predicted_turn : Eigen::Quaterniond::Identity());
+  const Eigen::Quaterniond turn =
+      EstimateRotation(frame, lost_frames_ == 0 ? predicted_turn : Eigen::Quaterniond::Identity());
   const Eigen::Quaterniond rotation = (turn * last.rotation).normalized();
   const Eigen::Vector3d centre = by_velocity.TargetOriginInSource();
   if (lost_frames_ > 0) return {Rigid3d(rotation, -(rotation * centre))};  // the velocity is of a time before
-  // Beyond the paper: close to a wall ESM takes its passing by for a turn, and then the velocity is right about the rotation too.
+  // Beyond the paper: close to a wall ESM takes its passing by for a turn, and then the velocity is right about the
+  // rotation too.
   return {Rigid3d(rotation, -(rotation * centre)), by_velocity};
 }
 
-int Tracker::TrackCoarse(const Map& map, const std::vector<Rigid3d>& predictions, double radius_px, Frame* frame) const {
+int Tracker::TrackCoarse(const Map& map, const std::vector<Rigid3d>& predictions, double radius_px,
+                         Frame* frame) const {
   const double enough = options_.map_tracking.min_coarse_share * static_cast<double>(reference_.size());
   Frame best;  // pose, landmarks and counts alone
   for (const Rigid3d& predicted : predictions) {
@@ -196,10 +205,13 @@ bool Tracker::TrackInMap(Frame* frame) {
   AddWords(frame);
   const std::optional<CameraReach> reach = Reach(frame->stamp);
   const auto is_right = [&] {
-    return IsNear(map, predicted, *frame) || (Relocalizer::IsSure(*frame) && (!reach || reach->Contains(frame->camera_from_map)));
+    return IsNear(map, predicted, *frame) ||
+           (Relocalizer::IsSure(*frame) && (!reach || reach->Contains(frame->camera_from_map)));
   };
-  const bool found = (relocalizer_.TrackKeyFrame(map, reference_keyframe_, options_.min_tracked_points, &map_tracker_, frame) && is_right()) ||
-                     relocalizer_.Relocalize(map, maps_.index(active_map_), reach, &map_tracker_, frame);
+  const bool found =
+      (relocalizer_.TrackKeyFrame(map, reference_keyframe_, options_.min_tracked_points, &map_tracker_, frame) &&
+       is_right()) ||
+      relocalizer_.Relocalize(map, maps_.index(active_map_), reach, &map_tracker_, frame);
   stage_times_.Add("relocalize", stopwatch.Milliseconds());
   if (found) {
     velocity_model_.Reset();
@@ -255,8 +267,9 @@ void Tracker::ConsiderKeyFrame(Frame* frame, Output* output) {
   if (options_.localization_only || (IsFull(map) && !beginning_.map().IsValid() && !move_)) return;
   const auto decision = keyframe_policy_.Decide(map, *frame, IsMapperIdle());
   if (spdlog::should_log(spdlog::level::debug)) {  // its arguments look at all keyframes
-    spdlog::debug("frame {}: {} of {} landmarks, view {}, urgent {}, mapper idle {}: {}", frame->number, frame->num_inliers, frame->num_candidates,
-                  keyframe_policy_.IsViewNew(map, *frame) ? "new" : "known", keyframe_policy_.IsUrgent(map, *frame), IsMapperIdle(),
+    spdlog::debug("frame {}: {} of {} landmarks, view {}, urgent {}, mapper idle {}: {}", frame->number,
+                  frame->num_inliers, frame->num_candidates, keyframe_policy_.IsViewNew(map, *frame) ? "new" : "known",
+                  keyframe_policy_.IsUrgent(map, *frame), IsMapperIdle(),
                   decision == KeyFramePolicy::Decision::kInsert ? "keyframe" : "no keyframe");
   }
   output->state.interrupt_mapper = decision == KeyFramePolicy::Decision::kInterrupt;
@@ -304,11 +317,17 @@ KeyFrameId Tracker::Send(KeyFrameKind kind, Frame* frame, KeyFrameMessage messag
   return id;
 }
 
-bool Tracker::IsMapperIdle() const { return !awaited_keyframe_ && mapper_state_.idle; }
+bool Tracker::IsMapperIdle() const {
+  return !awaited_keyframe_ && mapper_state_.idle;
+}
 
-void Tracker::AddDelta(MapDelta delta) { maps_.AddDelta(std::move(delta)); }
+void Tracker::AddDelta(MapDelta delta) {
+  maps_.AddDelta(std::move(delta));
+}
 
-void Tracker::AddKeyFrameData(MapId map, std::shared_ptr<const KeyFrameData> data) { maps_.AddKeyFrameData(map, std::move(data)); }
+void Tracker::AddKeyFrameData(MapId map, std::shared_ptr<const KeyFrameData> data) {
+  maps_.AddKeyFrameData(map, std::move(data));
+}
 
 /// One mapper may serve several robots and maps: what it says of others tells whether it is idle, and no more.
 bool Tracker::Concerns(const MapperState& state) const {
@@ -328,11 +347,13 @@ void Tracker::NoteOwner(MapId map, Epoch epoch, ProcessId process) {
 
 bool Tracker::OnMapperState(const MapperState& state) {
   const auto owner = owners_.find(state.map);
-  if (owner != owners_.end() && state.epoch < owner->second.epoch) return false;  // it hung, and does not know yet that it lost the map
+  // It hung, and does not know yet that it lost the map.
+  if (owner != owners_.end() && state.epoch < owner->second.epoch) return false;
   if (!Concerns(state)) return false;
   NoteOwner(state.map, state.epoch, state.process);
   mapper_state_ = state;
-  if (awaited_keyframe_ && (state.last_keyframe == *awaited_keyframe_ || state.refused_keyframe == *awaited_keyframe_)) {
+  if (awaited_keyframe_ &&
+      (state.last_keyframe == *awaited_keyframe_ || state.refused_keyframe == *awaited_keyframe_)) {
     awaited_keyframe_.reset();
   }
   if (state.refused_keyframe.IsValid()) {
@@ -359,7 +380,8 @@ void Tracker::ApplyPending() {
   stage_times_.Add("apply", stopwatch.Milliseconds());
 }
 
-/// What is taken out of the map's keyframes is taken out of the frames that are tracked in it. A young map may not know of any yet.
+/// What is taken out of the map's keyframes is taken out of the frames that are tracked in it. A young map may not know
+/// of any yet.
 void Tracker::TakeResidual() {
   if (!active_map_.IsValid()) return;
   for (const CameraResidual& known : ActiveMap().residuals()) {
@@ -382,7 +404,8 @@ void Tracker::OnApplied(const Map& map, const MapDelta& delta) {
   for (const MapDelta::RemovedPoint& removed : delta.removed_points) replaced[removed.id] = removed.replaced_by;
   std::vector<ReferenceLandmark> kept;
   for (ReferenceLandmark& landmark : reference_) {
-    for (auto by = replaced.find(landmark.id); by != replaced.end(); by = replaced.find(landmark.id)) landmark.id = by->second;
+    for (auto by = replaced.find(landmark.id); by != replaced.end(); by = replaced.find(landmark.id))
+      landmark.id = by->second;
     const MapPoint* point = landmark.id.IsValid() ? map.FindPoint(landmark.id) : nullptr;
     if (point == nullptr) continue;
     landmark.position_in_map = point->position_in_map.cast<double>();
@@ -399,12 +422,15 @@ void Tracker::Acknowledge(KeyFrameId id) {
   if (acknowledged_.size() > kKeptAcknowledged) acknowledged_.pop_front();
 }
 
-/// What the last owner had acknowledged and its successor's map has not: the delta had come here, and to nobody who lives besides.
+/// What the last owner had acknowledged and its successor's map has not: the delta had come here, and to nobody who
+/// lives besides.
 void Tracker::TakeBack(const MapDelta& snapshot) {
   for (const MapDelta::RemovedKeyFrame& removed : snapshot.removed_keyframes) {
-    const auto found = std::find_if(acknowledged_.begin(), acknowledged_.end(), [&](const auto& message) { return message.data.id == removed.id; });
+    const auto found = std::find_if(acknowledged_.begin(), acknowledged_.end(),
+                                    [&](const auto& message) { return message.data.id == removed.id; });
     if (found == acknowledged_.end()) continue;
-    spdlog::info("the new owner of map {} has not got keyframe {}: it is sent again", ToString(snapshot.map), ToString(removed.id));
+    spdlog::info("the new owner of map {} has not got keyframe {}: it is sent again", ToString(snapshot.map),
+                 ToString(removed.id));
     awaited_keyframe_ = removed.id;
     unacknowledged_[removed.id] = std::move(*found);
     acknowledged_.erase(found);
@@ -418,6 +444,8 @@ void Tracker::MoveWithMap(const Sim3d& new_from_old) {
   ring_.MoveWithMap(active_map_, new_from_old);
 }
 
-std::optional<KeyFrameId> Tracker::AwaitedKeyFrame() const { return awaited_keyframe_; }
+std::optional<KeyFrameId> Tracker::AwaitedKeyFrame() const {
+  return awaited_keyframe_;
+}
 
 }  // namespace portolan

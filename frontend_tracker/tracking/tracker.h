@@ -37,14 +37,16 @@ namespace portolan {
 
 /// What became of maps in a run, for its report.
 struct MapEvents {
-  uint64_t switches = 0;               ///< went on in another map that was there already
-  uint64_t fusions = 0;                ///< of maps that the tracker had been in
-  uint64_t refusals = 0;               ///< was told to go into a map and could not
-  std::vector<int> frames_to_new_map;  ///< each time the tracker was lost and went on in a new map: frames between the two
+  uint64_t switches = 0;  ///< went on in another map that was there already
+  uint64_t fusions = 0;   ///< of maps that the tracker had been in
+  uint64_t refusals = 0;  ///< was told to go into a map and could not
+  /// Each time the tracker was lost and went on in a new map: frames between the two.
+  std::vector<int> frames_to_new_map;
 };
 
-/// Tracking (paper Sec. 3): estimates the camera's pose in every frame against a replica of the map, decides which frames become keyframes, when a new map
-/// begins (Sec. 3.4), and goes over from map to map (Sec. 6). Pure: no DDS, no threads; one thread uses it. It never waits.
+/// Tracking (paper Sec. 3): estimates the camera's pose in every frame against a replica of the map, decides which
+/// frames become keyframes, when a new map begins (Sec. 3.4), and goes over from map to map (Sec. 6). Pure: no DDS, no
+/// threads; one thread uses it. It never waits.
 ///
 ///   Tracker tracker(options, camera, vocabulary, robot, session);
 ///   for each image:
@@ -52,21 +54,23 @@ struct MapEvents {
 ///     Tracker::Output output = tracker.Track(image);               // publish output.state, .keyframes, .requests
 class Tracker {
  public:
-  Tracker(const TrackerOptions& options, const CameraModel& camera, std::shared_ptr<const Vocabulary> vocabulary, RobotId robot,
-          uint32_t session);
+  Tracker(const TrackerOptions& options, const CameraModel& camera, std::shared_ptr<const Vocabulary> vocabulary,
+          RobotId robot, uint32_t session);
 
   /// What a frame gives rise to.
   struct Output {
     TrackerState state;
     std::vector<KeyFrameMessage> keyframes;  ///< to publish, in this order
-    std::vector<Request> requests;           ///< to the atlas_server, after the keyframes; id and sender are the caller's to fill in
+    /// To the atlas_server, after the keyframes; id and sender are the caller's to fill in.
+    std::vector<Request> requests;
   };
 
-  /// What came from other processes. Deltas are queued, and taken in at the start of the next Track() or by ApplyPending(). What is of maps that the tracker
-  /// does not follow is ignored.
+  /// What came from other processes. Deltas are queued, and taken in at the start of the next Track() or by
+  /// ApplyPending(). What is of maps that the tracker does not follow is ignored.
   void AddDelta(MapDelta delta);
   void AddKeyFrameData(MapId map, std::shared_ptr<const KeyFrameData> data);
-  /// @return whether it is the state of a mapper that concerns this tracker: that owns the map it is in, or the one that begins.
+  /// @return whether it is the state of a mapper that concerns this tracker: that owns the map it is in, or the one
+  /// that begins.
   bool OnMapperState(const MapperState& state);
   void OnCommand(const Command& command);
   /// @param request of this tracker, that the reply answers.
@@ -78,11 +82,12 @@ class Tracker {
   std::vector<Request> RequestFirstMap();
   Output Track(const Image& image);
 
-  /// Whether the mapper has not answered for so long that it can't be waited for: it is down, or out of reach. Keyframes that are urgent are made all the
-  /// same then, and kept for it.
+  /// Whether the mapper has not answered for so long that it can't be waited for: it is down, or out of reach.
+  /// Keyframes that are urgent are made all the same then, and kept for it.
   void SetMapperSilent(bool is_silent) { is_mapper_silent_ = is_silent; }
 
-  /// Keyframes that no delta has contained yet: to be sent again to a new owner of their map. The last kMaxUnacknowledged.
+  /// Keyframes that no delta has contained yet: to be sent again to a new owner of their map. The last
+  /// kMaxUnacknowledged.
   const std::map<KeyFrameId, KeyFrameMessage>& unacknowledged() const { return unacknowledged_; }
   static constexpr size_t kMaxUnacknowledged = 512;  ///< 45 MB at 2000 features each
   /// Keyframes that were more than that, the oldest each time.
@@ -105,12 +110,13 @@ class Tracker {
   const StageTimes& stage_times() const { return stage_times_; }
   uint64_t num_keyframes_sent() const { return num_keyframes_sent_; }
 
-  /// Takes up what an earlier tracker of the same run had tracked, before the first frame: its maps are followed, and the camera is looked for in them.
+  /// Takes up what an earlier tracker of the same run had tracked, before the first frame: its maps are followed, and
+  /// the camera is looked for in them.
   void Resume(const std::vector<FrameRecord>& frames);
   /// Frames that are new in the history or hang elsewhere since the last call.
   std::vector<FrameRecord> TakeChangedFrames() { return history_.TakeChanged(); }
-  /// To be called at the end of a run: localises frames that passed between the two of a map's beginning, and are known only afterwards, and hangs those
-  /// on another keyframe that have lost theirs.
+  /// To be called at the end of a run: localises frames that passed between the two of a map's beginning, and are known
+  /// only afterwards, and hangs those on another keyframe that have lost theirs.
   void FinishHistory();
 
  private:
@@ -123,7 +129,8 @@ class Tracker {
   // Paper Fig. 2 and Sec. 3.2.
   /// Where the camera may be, the likeliest first.
   std::vector<Rigid3d> PredictPoses(const Frame& frame);
-  /// The coarse stage from the first prediction by which it finds enough of the reference's landmarks, else from the best. @return n.
+  /// The coarse stage from the first prediction by which it finds enough of the reference's landmarks, else from the
+  /// best. @return n.
   int TrackCoarse(const Map& map, const std::vector<Rigid3d>& predictions, double radius_px, Frame* frame) const;
   bool TrackInMap(Frame* frame);
   bool TrackByMotion(const Map& map, Frame* frame);
@@ -163,13 +170,15 @@ class Tracker {
     int frames_tried = 0;
     std::optional<Timestamp> since;
   };
-  /// With a frame that is tracked: it may go over into another map, in which it is tracked then. @return whether it did.
+  /// With a frame that is tracked: it may go over into another map, in which it is tracked then. @return whether it
+  /// did.
   bool ConsiderMapChange(Frame* frame);
   bool TryPlannedMove(Frame* frame, bool is_tracked);
   void GiveUpMove(const std::string& reason);
   bool GoOnInLinkedMap(Frame* frame, bool is_tracked);
   bool RelocalizeAnywhere(Frame* frame);
-  void GoOver(MapId target, Frame moved, const Frame* before, const std::optional<Sim3d>& target_from_active, Frame* frame);
+  void GoOver(MapId target, Frame moved, const Frame* before, const std::optional<Sim3d>& target_from_active,
+              Frame* frame);
   void LookBack(const Frame& frame);
   std::optional<Overlap> LookBackWith(const Frame& frame, const Map& left, const Sim3d& left_from_map);
   std::optional<Overlap> LookBackWithEarlier(const Map& left, const Sim3d& left_from_map);
@@ -181,7 +190,8 @@ class Tracker {
   void CompleteFusion(const Command& fusion);
   void GoOnInFused(const Command& fusion);
   void ForgetMap(MapId map);
-  void AskAtlas(const std::string& kind, MapId map, MapId other, const std::optional<Sim3d>& map_from_other, const std::string& argument);
+  void AskAtlas(const std::string& kind, MapId map, MapId other, const std::optional<Sim3d>& map_from_other,
+                const std::string& argument);
 
   KeyFrameId Send(KeyFrameKind kind, Frame* frame, KeyFrameMessage message, Output* output);
   KeyFrameMessage MakeMessage(KeyFrameKind kind, Frame* frame, KeyFrameMessage message);
@@ -220,40 +230,42 @@ class Tracker {
   FollowedMaps maps_;
   LinkGraph links_;
   MapEvents events_;
-  std::vector<Request> requests_;                           // since the last frame
+  std::vector<Request> requests_;  // since the last frame
   std::optional<PlannedMove> move_;
   struct Handover {
     MapId map, left;
-    KeyFrameId left_reference;       // of the latest frame that was localised in the map left
-    std::vector<Frame> earlier;      // tracked in the map left, the oldest first; not localised in the other yet
+    KeyFrameId left_reference;   // of the latest frame that was localised in the map left
+    std::vector<Frame> earlier;  // tracked in the map left, the oldest first; not localised in the other yet
     std::vector<Overlap> overlaps;
     int frames = 0;
-    size_t measured_from = 0;        // overlaps
+    size_t measured_from = 0;  // overlaps
   };
-  std::optional<Handover> handover_;                        // the map just gone into and the one left, until their link is sure
-  std::vector<Command> fusions_;                            // whose outcome is not in the replica yet
+  // The map just gone into and the one left, until their link is sure.
+  std::optional<Handover> handover_;
+  std::vector<Command> fusions_;  // whose outcome is not in the replica yet
   struct YoungLink {
     MapId map, old_map;
     Frame first, second;  // of the new map, as they were tracked in the old one
   };
-  std::optional<YoungLink> young_link_;                     // to be measured again when the new map has grown
-  int leaving_frames_ = 0;                                  // tracked one after another where a full map ends
-  int refused_pairs_ = 0;                                   // of the map that begins
-  MapId spare_map_;                                         // asked for, and not begun
-  size_t next_other_map_ = 0;                               // whose turn it is when lost
+  std::optional<YoungLink> young_link_;  // to be measured again when the new map has grown
+  int leaving_frames_ = 0;               // tracked one after another where a full map ends
+  int refused_pairs_ = 0;                // of the map that begins
+  MapId spare_map_;                      // asked for, and not begun
+  size_t next_other_map_ = 0;            // whose turn it is when lost
   std::map<KeyFrameId, KeyFrameMessage> unacknowledged_;
-  std::deque<KeyFrameMessage> acknowledged_;                // the last ones: a new owner may not have got them
-  std::map<MapId, Epoch> applied_epochs_;                   // of the last delta of each map
+  std::deque<KeyFrameMessage> acknowledged_;  // the last ones: a new owner may not have got them
+  std::map<MapId, Epoch> applied_epochs_;     // of the last delta of each map
 
   TrackingState state_ = TrackingState::kInitializing;
-  MapId active_map_;                                        // none until the first map is there
-  std::optional<Frame> last_frame_;                         // tracked or not; its pose is the prediction if not
-  std::optional<Eigen::Quaterniond> turn_by_image_;         // from last_frame_ to the one in work, as ESM saw it
-  bool is_view_continuous_ = false;                         // ESM has followed the pictures since the last tracked frame
-  std::vector<ReferenceLandmark> reference_;                // of the last tracked frame
+  MapId active_map_;                                 // none until the first map is there
+  std::optional<Frame> last_frame_;                  // tracked or not; its pose is the prediction if not
+  std::optional<Eigen::Quaterniond> turn_by_image_;  // from last_frame_ to the one in work, as ESM saw it
+  // ESM has followed the pictures since the last tracked frame.
+  bool is_view_continuous_ = false;
+  std::vector<ReferenceLandmark> reference_;  // of the last tracked frame
   KeyFrameId reference_keyframe_;
   int lost_frames_ = 0;
-  std::optional<uint64_t> lost_since_;                      // frame at which the tracker gave its map up
+  std::optional<uint64_t> lost_since_;  // frame at which the tracker gave its map up
 
   MapperState mapper_state_;
   struct Owner {

@@ -1,4 +1,5 @@
-// Going from map to map (paper Sec. 3.4 and 6, the tracker's part): over into another one, and along when two are fused.
+// Going from map to map (paper Sec. 3.4 and 6, the tracker's part): over into another one, and along when two are
+// fused.
 
 #include <spdlog/spdlog.h>
 
@@ -11,18 +12,22 @@
 namespace portolan {
 namespace {
 
-constexpr int kMoveFrames = 30;                // tried, before a move is given up
-constexpr double kSnapshotPatienceS = 10.0;    // for the map itself to come
-constexpr int kWordsEvery = 5;                 // frames near the predicted pose that fail, to one by words
-constexpr int kLookBackEvery = 2;              // frames, to one that is localised in the map just left too; the others take one from before in turn
-constexpr int kLookBackFrames = 90;             // after that the camera has seen what the two have in common
-constexpr size_t kLookBackOverlaps = 60;       // enough: the longer their way, the surer the scale
-constexpr size_t kLinkedMapsPerFrame = 2;      // tried by their Sim3
-constexpr int kLeavingFrames = 3;              // one after another, for a full map to end there
-constexpr int kFailedFramesFirst = 2;          // a picture or two that the active map does not explain are no reason to leave it
-constexpr int kMaxLinks = 2;                   // on the way to a map that is tried by its Sim3: drift may show another place that looks alike
-constexpr size_t kMapsByWordsPerFrame = 2;     // tried by words: the rest has its turn with later frames
-constexpr double kMinShareOfPoints = 0.5;      // that a linked map must have of the points which the full map tracks, to be gone over into
+constexpr int kMoveFrames = 30;              // tried, before a move is given up
+constexpr double kSnapshotPatienceS = 10.0;  // for the map itself to come
+constexpr int kWordsEvery = 5;               // frames near the predicted pose that fail, to one by words
+// Frames, to one that is localised in the map just left too; the others take one from before in turn.
+constexpr int kLookBackEvery = 2;
+constexpr int kLookBackFrames = 90;        // after that the camera has seen what the two have in common
+constexpr size_t kLookBackOverlaps = 60;   // enough: the longer their way, the surer the scale
+constexpr size_t kLinkedMapsPerFrame = 2;  // tried by their Sim3
+constexpr int kLeavingFrames = 3;          // one after another, for a full map to end there
+// A picture or two that the active map does not explain are no reason to leave it.
+constexpr int kFailedFramesFirst = 2;
+// On the way to a map that is tried by its Sim3: drift may show another place that looks alike.
+constexpr int kMaxLinks = 2;
+constexpr size_t kMapsByWordsPerFrame = 2;  // tried by words: the rest has its turn with later frames
+// That a linked map must have of the points which the full map tracks, to be gone over into.
+constexpr double kMinShareOfPoints = 0.5;
 
 }  // namespace
 
@@ -31,7 +36,8 @@ void Tracker::Resume(const std::vector<FrameRecord>& frames) {
   for (const FrameRecord& frame : frames) maps_.Follow(frame.map, true);
 }
 
-void Tracker::AskAtlas(const std::string& kind, MapId map, MapId other, const std::optional<Sim3d>& map_from_other, const std::string& argument) {
+void Tracker::AskAtlas(const std::string& kind, MapId map, MapId other, const std::optional<Sim3d>& map_from_other,
+                       const std::string& argument) {
   Request request;
   request.kind = kind;
   request.map = map;
@@ -43,13 +49,15 @@ void Tracker::AskAtlas(const std::string& kind, MapId map, MapId other, const st
 
 void Tracker::OnReply(const Request& request, const Reply& reply) {
   if (request.kind == "locate") queries_.OnReply(reply.ok);
-  if (request.kind == "new_map" && reply.ok) queries_.NoteMapsInAtlas(static_cast<size_t>(std::max(0, std::atoi(reply.text.c_str()))));
+  if (request.kind == "new_map" && reply.ok)
+    queries_.NoteMapsInAtlas(static_cast<size_t>(std::max(0, std::atoi(reply.text.c_str()))));
 }
 
 void Tracker::OnCommand(const Command& command) {
   const bool is_mine = command.robot == robot_;
   switch (command.kind) {
-    case CommandKind::kGrantOwnership: return NoteOwner(command.map, command.epoch, command.owner);
+    case CommandKind::kGrantOwnership:
+      return NoteOwner(command.map, command.epoch, command.owner);
     case CommandKind::kActivateMap:
       if (command.other.IsValid() ? command.other == active_map_ : is_mine) PlanMove(command);
       return;
@@ -59,7 +67,8 @@ void Tracker::OnCommand(const Command& command) {
       fusions_.push_back(command);
       return;
     case CommandKind::kLinkMaps:
-      if (!links_.AreLinked(command.map, command.other)) links_.Link({command.map, {}}, {command.other, {}}, command.map_from_other);
+      if (!links_.AreLinked(command.map, command.other))
+        links_.Link({command.map, {}}, {command.other, {}}, command.map_from_other);
       return;
     case CommandKind::kNewMap:
       if (is_mine && active_map_.IsValid() && !beginning_.map().IsValid() && !options_.localization_only) StartNewMap();
@@ -70,8 +79,10 @@ void Tracker::OnCommand(const Command& command) {
       options_.localization_only = command.kind == CommandKind::kLocalizeOnly;
       if (options_.localization_only) StopBeginning();
       return;
-    case CommandKind::kForgetMap: return ForgetMap(command.map);
-    default: return;
+    case CommandKind::kForgetMap:
+      return ForgetMap(command.map);
+    default:
+      return;
   }
 }
 
@@ -106,18 +117,21 @@ bool Tracker::ConsiderMapChange(Frame* frame) {
   return changed;
 }
 
-/// Tries to localise the frame in the map that is to be gone into. @param is_tracked whether its pose in the active map is known, not just predicted.
+/// Tries to localise the frame in the map that is to be gone into. @param is_tracked whether its pose in the active map
+/// is known, not just predicted.
 bool Tracker::TryPlannedMove(Frame* frame, bool is_tracked) {
   const Map* target = maps_.Find(move_->target);
   if (!move_->since) move_->since = frame->stamp;
   if (target == nullptr || target->keyframes().empty()) {
-    if (target == nullptr || SecondsBetween(*move_->since, frame->stamp) > kSnapshotPatienceS) GiveUpMove("the tracker has not got the map");
+    if (target == nullptr || SecondsBetween(*move_->since, frame->stamp) > kSnapshotPatienceS)
+      GiveUpMove("the tracker has not got the map");
     return false;
   }
   Frame moved = *frame;
   bool found = false;
   const bool has_prediction = move_->target_from_active && HasPose();
-  if (has_prediction) found = localizer_.LocalizeNear(*target, TransformPose(frame->camera_from_map, *move_->target_from_active), &moved);
+  if (has_prediction)
+    found = localizer_.LocalizeNear(*target, TransformPose(frame->camera_from_map, *move_->target_from_active), &moved);
   if (!found && (!has_prediction || move_->frames_tried % kWordsEvery == kWordsEvery - 1)) {
     AddWords(&moved);
     found = localizer_.LocalizeByWords(*target, maps_.index(move_->target), &moved);
@@ -127,7 +141,8 @@ bool Tracker::TryPlannedMove(Frame* frame, bool is_tracked) {
     GoOver(move.target, std::move(moved), is_tracked ? frame : nullptr, move.target_from_active, frame);
     return true;
   }
-  if (++move_->frames_tried >= kMoveFrames) GiveUpMove("the camera was not localised in it in " + std::to_string(kMoveFrames) + " frames");
+  if (++move_->frames_tried >= kMoveFrames)
+    GiveUpMove("the camera was not localised in it in " + std::to_string(kMoveFrames) + " frames");
   return false;
 }
 
@@ -140,7 +155,8 @@ void Tracker::GiveUpMove(const std::string& reason) {
   AskAtlas("refuse_map", move.target, active_map_, std::nullopt, reason);
 }
 
-/// Tries maps whose place relative to this one is known. With a frame that is tracked: only one that is better than the full map here.
+/// Tries maps whose place relative to this one is known. With a frame that is tracked: only one that is better than the
+/// full map here.
 bool Tracker::GoOnInLinkedMap(Frame* frame, bool is_tracked) {
   if (move_ && !is_tracked && TryPlannedMove(frame, false)) return true;
   if (!is_tracked && lost_frames_ < kFailedFramesFirst) return false;
@@ -163,7 +179,8 @@ bool Tracker::GoOnInLinkedMap(Frame* frame, bool is_tracked) {
   return false;
 }
 
-/// By words, for a frame of a camera that is lost: in the map it was in, then in the others in turn, those with most mutual activity first.
+/// By words, for a frame of a camera that is lost: in the map it was in, then in the others in turn, those with most
+/// mutual activity first.
 bool Tracker::RelocalizeAnywhere(Frame* frame) {
   const Stopwatch stopwatch;
   const auto took = [&](bool found) {
@@ -173,7 +190,8 @@ bool Tracker::RelocalizeAnywhere(Frame* frame) {
   if (move_ && TryPlannedMove(frame, false)) return took(true);
   if (maps_.replicas().empty()) return false;
   AddWords(frame);
-  if (active_map_.IsValid() && relocalizer_.Relocalize(ActiveMap(), maps_.index(active_map_), Reach(frame->stamp), &map_tracker_, frame)) {
+  if (active_map_.IsValid() &&
+      relocalizer_.Relocalize(ActiveMap(), maps_.index(active_map_), Reach(frame->stamp), &map_tracker_, frame)) {
     velocity_model_.Reset();
     StopBeginning();
     return took(true);
@@ -189,7 +207,8 @@ bool Tracker::RelocalizeAnywhere(Frame* frame) {
   return took(false);
 }
 
-/// Those with keyframes that the camera may be in besides the active one: by mutual activity with it, then those that have no link to it.
+/// Those with keyframes that the camera may be in besides the active one: by mutual activity with it, then those that
+/// have no link to it.
 std::vector<MapId> Tracker::OtherMaps() const {
   std::vector<MapId> order = links_.Reachable(active_map_);
   for (const auto& [id, replica] : maps_.replicas()) {
@@ -203,25 +222,27 @@ std::vector<MapId> Tracker::OtherMaps() const {
   return order;
 }
 
-/// The active map is `target` from now on. @param moved the frame as it is localised there. @param before the same frame as it is tracked in the map that is
-/// left, or null. @param target_from_active what is known of the two, or none. @param frame becomes `moved`.
-void Tracker::GoOver(MapId target, Frame moved, const Frame* before, const std::optional<Sim3d>& target_from_active, Frame* frame) {
+/// The active map is `target` from now on. @param moved the frame as it is localised there. @param before the same
+/// frame as it is tracked in the map that is left, or null. @param target_from_active what is known of the two, or
+/// none. @param frame becomes `moved`.
+void Tracker::GoOver(MapId target, Frame moved, const Frame* before, const std::optional<Sim3d>& target_from_active,
+                     Frame* frame) {
   const MapId left = active_map_;
   const Map& map = maps_.map(target);
   const bool is_new_map = move_ && move_->is_new_map && move_->target == target;
   std::optional<Sim3d> link = target_from_active;
   handover_.reset();
   if (before != nullptr) {
-    const Overlap overlap =
-        MakeOverlap({map, moved.camera_from_map, moved.landmarks}, {ActiveMap(), before->camera_from_map, before->landmarks});
+    const Overlap overlap = MakeOverlap({map, moved.camera_from_map, moved.landmarks},
+                                        {ActiveMap(), before->camera_from_map, before->landmarks});
     if (const auto measured = MeasureLink({overlap})) link = measured;
     handover_ = Handover{target, left, before->reference, {}, {overlap}, 0, 1};
     for (const Frame& earlier : ring_.frames()) {
       if (earlier.map == left && earlier.number != before->number) handover_->earlier.push_back(earlier);
     }
   }
-  spdlog::info("frame {}: goes on in map {}, left {}: {} points there, {}", moved.number, ToString(target), ToString(left), moved.num_inliers,
-               link ? "scale " + std::to_string(link->scale) : "no link");
+  spdlog::info("frame {}: goes on in map {}, left {}: {} points there, {}", moved.number, ToString(target),
+               ToString(left), moved.num_inliers, link ? "scale " + std::to_string(link->scale) : "no link");
   if (link && left.IsValid() && !links_.AreLinked(target, left)) {
     links_.Link({target, moved.reference}, {left, before != nullptr ? before->reference : reference_keyframe_}, *link);
   }
@@ -247,19 +268,24 @@ void Tracker::GoOver(MapId target, Frame moved, const Frame* before, const std::
   *frame = std::move(moved);
 }
 
-/// Some frames after a change are localised in the map that was left too, and some from before it in the one gone into: of one frame alone the link's
-/// scale is a per cent off, and what a map knows only by its last frames has depths that err.
+/// Some frames after a change are localised in the map that was left too, and some from before it in the one gone into:
+/// of one frame alone the link's scale is a per cent off, and what a map knows only by its last frames has depths that
+/// err.
 void Tracker::LookBack(const Frame& frame) {
   if (!handover_) return;
   Handover& handover = *handover_;
   const Map* left = maps_.Find(handover.left);
-  const auto left_from_map = left != nullptr && active_map_ == handover.map ? links_.Find(handover.left, handover.map) : std::nullopt;
+  const auto left_from_map =
+      left != nullptr && active_map_ == handover.map ? links_.Find(handover.left, handover.map) : std::nullopt;
   if (!left_from_map) return handover_.reset();
-  auto overlap = ++handover.frames % kLookBackEvery == 0 ? LookBackWith(frame, *left, *left_from_map) : LookBackWithEarlier(*left, *left_from_map);
+  auto overlap = ++handover.frames % kLookBackEvery == 0 ? LookBackWith(frame, *left, *left_from_map)
+                                                         : LookBackWithEarlier(*left, *left_from_map);
   if (overlap) handover.overlaps.push_back(std::move(*overlap));
   const bool is_last = handover.frames >= kLookBackFrames || handover.overlaps.size() >= kLookBackOverlaps;
-  const bool is_due = handover.overlaps.size() == kMinWayFrames || (is_last && handover.overlaps.size() > kMinWayFrames);
-  const auto link = is_due && handover.overlaps.size() > handover.measured_from ? MeasureLink(handover.overlaps) : std::nullopt;
+  const bool is_due =
+      handover.overlaps.size() == kMinWayFrames || (is_last && handover.overlaps.size() > kMinWayFrames);
+  const auto link =
+      is_due && handover.overlaps.size() > handover.measured_from ? MeasureLink(handover.overlaps) : std::nullopt;
   if (link) {
     handover.measured_from = handover.overlaps.size();
     links_.Link({handover.map, frame.reference}, {handover.left, handover.left_reference}, *link);
@@ -276,7 +302,8 @@ std::optional<Overlap> Tracker::LookBackWith(const Frame& frame, const Map& left
   Frame there = frame;
   if (!localizer_.LocalizeNear(left, TransformPose(frame.camera_from_map, left_from_map), &there)) return std::nullopt;
   handover_->left_reference = there.reference;
-  return MakeOverlap({ActiveMap(), frame.camera_from_map, frame.landmarks}, {left, there.camera_from_map, there.landmarks});
+  return MakeOverlap({ActiveMap(), frame.camera_from_map, frame.landmarks},
+                     {left, there.camera_from_map, there.landmarks});
 }
 
 /// The latest frame from before the change that has not had its turn, in the map gone into.
@@ -285,8 +312,10 @@ std::optional<Overlap> Tracker::LookBackWithEarlier(const Map& left, const Sim3d
   const Frame before = std::move(handover_->earlier.back());
   handover_->earlier.pop_back();
   Frame here = before;
-  if (!localizer_.LocalizeNear(ActiveMap(), TransformPose(before.camera_from_map, left_from_map.Inverse()), &here)) return std::nullopt;
-  return MakeOverlap({ActiveMap(), here.camera_from_map, here.landmarks}, {left, before.camera_from_map, before.landmarks});
+  if (!localizer_.LocalizeNear(ActiveMap(), TransformPose(before.camera_from_map, left_from_map.Inverse()), &here))
+    return std::nullopt;
+  return MakeOverlap({ActiveMap(), here.camera_from_map, here.landmarks},
+                     {left, before.camera_from_map, before.landmarks});
 }
 
 void Tracker::CompleteFusions() {
@@ -301,15 +330,19 @@ void Tracker::CompleteFusions() {
   }
 }
 
-/// Whether the replica of `map` holds what the tracker has of `other`: its reference keyframe, or any keyframe if it is elsewhere.
+/// Whether the replica of `map` holds what the tracker has of `other`: its reference keyframe, or any keyframe if it is
+/// elsewhere.
 bool Tracker::IsFusionHere(const Command& fusion) const {
   const Map* other = maps_.Find(fusion.other);
   const Map* map = maps_.Find(fusion.map);
   if (other == nullptr || other->keyframes().empty()) return true;
   if (map == nullptr) return false;
-  if (fusion.other == active_map_ && other->FindKeyFrame(reference_keyframe_) != nullptr && map->FindKeyFrame(reference_keyframe_) != nullptr) return true;
+  if (fusion.other == active_map_ && other->FindKeyFrame(reference_keyframe_) != nullptr &&
+      map->FindKeyFrame(reference_keyframe_) != nullptr)
+    return true;
   const auto& keyframes = other->keyframes();
-  const auto shared = std::count_if(keyframes.begin(), keyframes.end(), [&](const auto& entry) { return map->FindKeyFrame(entry.first) != nullptr; });
+  const auto shared = std::count_if(keyframes.begin(), keyframes.end(),
+                                    [&](const auto& entry) { return map->FindKeyFrame(entry.first) != nullptr; });
   if (fusion.other != active_map_) return shared > 0;
   return 2 * static_cast<size_t>(shared) > keyframes.size();  // all came, and just the reference has been removed again
 }
@@ -328,20 +361,23 @@ void Tracker::CompleteFusion(const Command& fusion) {
   for (auto& [id, message] : unacknowledged_) {
     if (message.map != fusion.other) continue;
     message.map = fusion.map;
-    if (message.kind == KeyFrameKind::kTracked) message.camera_from_map = TransformPose(message.camera_from_map, fusion.map_from_other);
+    if (message.kind == KeyFrameKind::kTracked)
+      message.camera_from_map = TransformPose(message.camera_from_map, fusion.map_from_other);
     if (auto data = maps_.FindKeyFrameData(id)) maps_.AddKeyFrameData(fusion.map, std::move(data));
   }
   maps_.Drop(fusion.other);
 }
 
-/// Pose and velocity pass to the map that took in the active one. Keyframes keep their ids: they tell how the scene around the reference has moved, more
-/// exactly than the similarity of the two maps as wholes.
+/// Pose and velocity pass to the map that took in the active one. Keyframes keep their ids: they tell how the scene
+/// around the reference has moved, more exactly than the similarity of the two maps as wholes.
 void Tracker::GoOnInFused(const Command& fusion) {
   const Map& map = maps_.map(fusion.map);
-  const Sim3d map_from_other = MapMotion(maps_.map(fusion.other), reference_keyframe_).Measure(map).value_or(fusion.map_from_other);
+  const Sim3d map_from_other =
+      MapMotion(maps_.map(fusion.other), reference_keyframe_).Measure(map).value_or(fusion.map_from_other);
   active_map_ = fusion.map;
   MoveWithMap(map_from_other);
-  if (last_frame_) reference_ = LandmarksInView(map, camera_.pinhole, last_frame_->camera_from_map);  // many were merged with the map's own
+  // Many were merged with the map's own.
+  if (last_frame_) reference_ = LandmarksInView(map, camera_.pinhole, last_frame_->camera_from_map);
   keyframe_policy_.StartMap(map);
 }
 

@@ -46,7 +46,9 @@ class TrackerMapsTest : public TrackerTest {
     ADD_FAILURE() << "no second map";
     return place;
   }
-  Sim3d TrueSecondFromFirst() const { return mapper_->MapFromWorld(second_map_) * mapper_->MapFromWorld(first_map_).Inverse(); }
+  Sim3d TrueSecondFromFirst() const {
+    return mapper_->MapFromWorld(second_map_) * mapper_->MapFromWorld(first_map_).Inverse();
+  }
   Command MakeCommand(CommandKind kind, MapId map, MapId other, const Sim3d& map_from_other = Sim3d()) const {
     Command command;
     command.kind = kind;
@@ -125,13 +127,16 @@ TEST_F(TrackerMapsTest, SaysSoWhenTheCameraIsNotInTheMap) {
   Random random(1);
   uint32_t number = 0;
   for (const auto& [id, keyframe] : mapper_->MapOf(first_map_).keyframes()) {
-    map.AddKeyFrame(keyframe.data, keyframe.camera_from_map, map.keyframes().empty() ? KeyFrameId() : map.keyframes().begin()->first);
+    map.AddKeyFrame(keyframe.data, keyframe.camera_from_map,
+                    map.keyframes().empty() ? KeyFrameId() : map.keyframes().begin()->first);
   }
   for (const auto& [id, keyframe] : map.keyframes()) {
     if (id == map.keyframes().begin()->first) continue;
     for (uint32_t i = 0; i < 200; ++i) {
       const MapPointId point(0, 78, ++number);
-      map.AddPoint(point, Eigen::Vector3f(static_cast<float>(random.Uniform(-5, 5)), static_cast<float>(random.Uniform(-5, 5)), static_cast<float>(random.Uniform(2, 9))));
+      map.AddPoint(point,
+                   Eigen::Vector3f(static_cast<float>(random.Uniform(-5, 5)), static_cast<float>(random.Uniform(-5, 5)),
+                                   static_cast<float>(random.Uniform(2, 9))));
       map.AddObservation(point, map.keyframes().begin()->first, i);
       map.AddObservation(point, id, i);
     }

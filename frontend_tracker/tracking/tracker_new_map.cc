@@ -1,4 +1,5 @@
-// New maps: choosing the two frames (paper Sec. 4.1, first step; Sec. 3.4), and taking up tracking when the mapper has made the map.
+// New maps: choosing the two frames (paper Sec. 4.1, first step; Sec. 3.4), and taking up tracking when the mapper has
+// made the map.
 
 #include <spdlog/spdlog.h>
 
@@ -15,7 +16,8 @@ constexpr double kLeastBaseline = 0.5;  // of the initializer's, where the motio
 constexpr double kBaselineSteps = 0.5;  // so much more,
 constexpr int kNumBaselines = 4;        // so often, and again from there
 constexpr size_t kGrownKeyFrames = 10;  // of a new map, after which its link is measured once more
-constexpr size_t kMinCommon = 60;       // landmarks that a past frame must share with the last tracked one, to be where a new map begins
+// Landmarks that a past frame must share with the last tracked one, to be where a new map begins.
+constexpr size_t kMinCommon = 60;
 
 Eigen::Quaterniond Turn(const Frame& from, const Frame& to) {
   return (to.camera_from_map.rotation * from.camera_from_map.rotation.conjugate()).normalized();
@@ -38,15 +40,17 @@ void Tracker::StartNewMap() {
   if (!HasPose()) QueuePastFrames();
 }
 
-/// The youngest tracked frames over which the camera has moved enough. @param baseline_factor of what the initializer asks for.
+/// The youngest tracked frames over which the camera has moved enough. @param baseline_factor of what the initializer
+/// asks for.
 std::vector<Frame> Tracker::PastFrames(double baseline_factor) const {
   const PinholeCamera& camera = camera_.pinhole;
   const double focal_share = std::min(1.0, std::max(camera.fx, camera.fy) / options_.initializer.reference_focal_px);
   return ring_.Overlapping(baseline_factor * options_.initializer.min_baseline_px * focal_share, kMinCommon);
 }
 
-/// "The initialization of a new map begins with several past image frames that were explored in the last map" (paper Sec. 3.4), for a camera that is lost:
-/// they are the first of a pair, and what came since is the second, for the new map has to show what the camera sees now.
+/// "The initialization of a new map begins with several past image frames that were explored in the last map" (paper
+/// Sec. 3.4), for a camera that is lost: they are the first of a pair, and what came since is the second, for the new
+/// map has to show what the camera sees now.
 void Tracker::QueuePastFrames() {
   const Frame* last = nullptr;
   const auto queue = [&](const Frame& frame, bool may_complete) {
@@ -58,7 +62,8 @@ void Tracker::QueuePastFrames() {
   for (const Frame& frame : ring_.failed()) queue(frame, true);
 }
 
-/// The same for a camera that is tracked: this frame with a past one. After each refusal by the mapper with one from farther away, up to a limit.
+/// The same for a camera that is tracked: this frame with a past one. After each refusal by the mapper with one from
+/// farther away, up to a limit.
 void Tracker::OfferTrackedPair(const Frame& frame, Output* output) {
   if (!beginning_.map().IsValid() || beginning_.sent()) return;
   const Stopwatch stopwatch;
@@ -92,7 +97,8 @@ void Tracker::ContinueBeginning(Timestamp now, Output* output) {
   if (pair && may_send) SendPair(std::move(*pair), output);
 }
 
-/// A frame that shows something, of a tracker that knows no map where it is, goes to the atlas_server, which may know one.
+/// A frame that shows something, of a tracker that knows no map where it is, goes to the atlas_server, which may know
+/// one.
 void Tracker::AskForPlace(Frame* frame, Output* output) {
   const bool may_be_known = active_map_.IsValid() || options_.localization_only || queries_.maps_in_atlas() > 0;
   if (!may_be_known || move_ || !queries_.IsDue(frame->stamp)) return;
@@ -119,7 +125,8 @@ void Tracker::StopBeginning() {
 }
 
 void Tracker::SendPair(Initializer::Pair pair, Output* output) {
-  for (Frame* frame : {&pair.first, &pair.second}) frame->data = WithResidual(frame->data, camera_.residual);  // found after the first was seen, maybe
+  // Found after the first was seen, maybe.
+  for (Frame* frame : {&pair.first, &pair.second}) frame->data = WithResidual(frame->data, camera_.residual);
   KeyFrameMessage first;
   first.map = beginning_.map();
   KeyFrameMessage second;
@@ -140,7 +147,8 @@ std::optional<Overlap> Tracker::OverlapWith(const Frame& frame, const Map& map, 
   const bool recorded = record != history_.records().end() && record->second.map == old_map.id();
   const auto in_old = recorded ? FrameHistory::CameraFromMap(old_map, record->second) : std::nullopt;
   const std::vector<MapPointId> landmarks = keyframe->landmarks.ByFeature();
-  return MakeOverlap({map, keyframe->camera_from_map, landmarks}, {old_map, in_old.value_or(frame.camera_from_map), frame.landmarks});
+  return MakeOverlap({map, keyframe->camera_from_map, landmarks},
+                     {old_map, in_old.value_or(frame.camera_from_map), frame.landmarks});
 }
 
 /// Where a new map lies to the one before, from those of its first two frames that were tracked there.
@@ -164,9 +172,9 @@ std::optional<Sim3d> Tracker::MeasureNewLink(MapId map, MapId old_map, const Fra
     last = frame;
   }
   const std::optional<Sim3d> link = MeasureLink(overlaps);
-  spdlog::info("map {} of frames {} and {}: {} points; features in common with map {}:{}; {}", ToString(map), first.number, second.number,
-               maps_.map(map).points().size(), ToString(old_map), common.empty() ? " none" : common,
-               link ? "scale " + std::to_string(link->scale) : "no link");
+  spdlog::info("map {} of frames {} and {}: {} points; features in common with map {}:{}; {}", ToString(map),
+               first.number, second.number, maps_.map(map).points().size(), ToString(old_map),
+               common.empty() ? " none" : common, link ? "scale " + std::to_string(link->scale) : "no link");
   if (!link) return std::nullopt;
   links_.Link({map, last->data->id}, {old_map, last->reference}, *link);
   AskAtlas("link_maps", map, old_map, link, "");

@@ -7,54 +7,67 @@ namespace portolan {
 
 /// Coarse-to-fine tracking in the map (paper Sec. 3.2).
 struct MapTrackingOptions {
-  double coarse_radius_px = 15.0;      ///< search window of the first stage, at level 0; grows with the feature's level
-  double wide_radius_px = 45.0;        ///< when the first stage finds too little
-  double min_coarse_share = 0.5;       ///< of the reference's landmarks; with fewer found, other predictions are tried too
-  double fine_radius_px = 4.0;         ///< second stage, when the first had enough inliers
-  double fine_wide_radius_px = 10.0;   ///< second stage, when it had not
-  int min_coarse_inliers = 20;         ///< enough for the narrow second stage
-  int max_distance = 100;              ///< Hamming, of 256 bits: frames follow each other closely, geometry vouches for the rest
-  double ratio = 0.8;                  ///< best over second best of the same level, second stage
-  double min_view_cosine = 0.5;        ///< a landmark seen from more than 60 degrees off its mean direction is left out
-  int max_local_keyframes = 60;        ///< bounds the local map, and with it the time for a frame
+  double coarse_radius_px = 15.0;  ///< search window of the first stage, at level 0; grows with the feature's level
+  double wide_radius_px = 45.0;    ///< when the first stage finds too little
+  /// Of the reference's landmarks; with fewer found, other predictions are tried too.
+  double min_coarse_share = 0.5;
+  double fine_radius_px = 4.0;        ///< second stage, when the first had enough inliers
+  double fine_wide_radius_px = 10.0;  ///< second stage, when it had not
+  int min_coarse_inliers = 20;        ///< enough for the narrow second stage
+  /// Hamming, of 256 bits: frames follow each other closely, geometry vouches for the rest.
+  int max_distance = 100;
+  double ratio = 0.8;            ///< best over second best of the same level, second stage
+  double min_view_cosine = 0.5;  ///< a landmark seen from more than 60 degrees off its mean direction is left out
+  int max_local_keyframes = 60;  ///< bounds the local map, and with it the time for a frame
 };
 
 /// When a frame becomes a keyframe (paper Sec. 3.3).
 struct KeyFramePolicyOptions {
-  int min_points = 10;                 ///< fewer tracked points: quality is poor (paper)
-  double min_quality = 0.7;            ///< s = n / m above it: quality is good (paper)
-  int sure_points = 100;               ///< beyond the paper: with this many inliers the pose is good whatever their share. Where texture repeats many
-                                       ///< matches are wrong, and without new keyframes tracking would starve
-  double urgent_quality = 0.4;         ///< beyond the paper: enough for a frame that is urgent while the mapper is idle, as in a fast turn whose pictures
-  int urgent_points = 30;              ///< are blurred; with so many inliers its pose is good enough to grow the map from; without it the camera would be lost
-  double max_reference_overlap = 0.9;  ///< beyond the paper: share of the reference keyframe's established landmarks still tracked, below which
-                                       ///< the view has changed enough even without translation (rotation into the unseen)
-  double known_place_overlap = 0.6;    ///< the same where the reference is older than recent_keyframes: a place that has been mapped. What is not tracked
-                                       ///< there of all that was ever seen is no news, and mapping it again would let maps grow with every lap
-  int recent_keyframes = 30;           ///< of this tracker, the youngest: where it is mapping
+  int min_points = 10;       ///< fewer tracked points: quality is poor (paper)
+  double min_quality = 0.7;  ///< s = n / m above it: quality is good (paper)
+  /// Beyond the paper: with this many inliers the pose is good whatever their share. Where texture repeats many matches
+  /// are wrong, and without new keyframes tracking would starve.
+  int sure_points = 100;
+  /// Beyond the paper: enough for a frame that is urgent while the mapper is idle, as in a fast turn whose pictures are
+  /// blurred, if it has urgent_points: its pose is good enough to grow the map from. Without it the camera would be
+  /// lost.
+  double urgent_quality = 0.4;
+  int urgent_points = 30;  ///< inliers
+  /// Beyond the paper: share of the reference keyframe's established landmarks still tracked, below which the view has
+  /// changed enough even without translation (rotation into the unseen).
+  double max_reference_overlap = 0.9;
+  /// The same where the reference is older than recent_keyframes: a place that has been mapped. What is not tracked
+  /// there of all that was ever seen is no news, and mapping it again would let maps grow with every lap.
+  double known_place_overlap = 0.6;
+  int recent_keyframes = 30;              ///< of this tracker, the youngest: where it is mapping
   double urgent_reference_overlap = 0.6;  ///< below this share the frame is urgent: a busy mapper is interrupted for it
-  int few_points = 120;                   ///< with fewer inliers than this, and a new view, it is too: some frames more and the camera would be lost
-  double urgent_distance_factor = 1.0;    ///< from this factor on (the paper's Eq. 7) too. What is less urgent waits for an idle mapper: a BA that is
-                                          ///< interrupted for every frame never gets anywhere
-  double min_interval_s = 0.0;         ///< at least this long after the last keyframe
-  double distance_factor = 0.5;        ///< scales the right side of Eq. (7). Half the paper's: the mapper has time for the keyframes, and scale drifts less with
-                                       ///< them (kitti_00 in lockstep: 1.8 m instead of 2.3 m)
+  /// With fewer inliers than this, and a new view, it is too: some frames more and the camera would be lost.
+  int few_points = 120;
+  /// From this factor on (the paper's Eq. 7) too. What is less urgent waits for an idle mapper: a BA that is
+  /// interrupted for every frame never gets anywhere.
+  double urgent_distance_factor = 1.0;
+  double min_interval_s = 0.0;  ///< at least this long after the last keyframe
+  /// Scales the right side of Eq. (7). Half the paper's: the mapper has time for the keyframes, and scale drifts less
+  /// with them (kitti_00 in lockstep: 1.8 m instead of 2.3 m).
+  double distance_factor = 0.5;
 };
 
 /// Choosing the two frames of a new map (paper Sec. 4.1).
 struct InitializerOptions {
-  int min_features = 150;              ///< in a frame, to be the first
-  int min_matches = 100;               ///< with the first frame, below it the first frame is set anew
-  double min_baseline_px = 20.0;       ///< median image motion after compensation of the rotation (paper Eq. 8)
-  double reference_focal_px = 500.0;   ///< for shorter focal lengths the baseline shrinks in proportion, so that it stays an angle
-  double search_radius_px = 60.0;      ///< around the predicted location
-  int max_frames = 90;                 ///< after so many the first frame is set anew
+  int min_features = 150;         ///< in a frame, to be the first
+  int min_matches = 100;          ///< with the first frame, below it the first frame is set anew
+  double min_baseline_px = 20.0;  ///< median image motion after compensation of the rotation (paper Eq. 8)
+  /// For shorter focal lengths the baseline shrinks in proportion, so that it stays an angle.
+  double reference_focal_px = 500.0;
+  double search_radius_px = 60.0;  ///< around the predicted location
+  int max_frames = 90;             ///< after so many the first frame is set anew
 };
 
 struct RelocalizerOptions {
   int max_candidates = 5;
-  int min_matches = 15;                ///< by bag of words, to try EPnP
-  int min_inliers = 30;                ///< after the second stage, to believe it: more than for tracking, as no motion model vouches for it
+  int min_matches = 15;  ///< by bag of words, to try EPnP
+  /// After the second stage, to believe it: more than for tracking, as no motion model vouches for it.
+  int min_inliers = 30;
 };
 
 struct TrackerOptions {
@@ -63,11 +76,12 @@ struct TrackerOptions {
   KeyFramePolicyOptions keyframe;
   InitializerOptions initializer;
   RelocalizerOptions relocalizer;
-  int min_tracked_points = 20;         ///< inliers of a frame that counts as tracked
-  int max_lost_frames = 5;             ///< "more than five frames" that can't be tracked: lost (paper Sec. 3.4)
-  int max_map_keyframes = 0;           ///< a map with so many is full: where it ends a new one begins (paper Sec. 3.4); 0: unlimited
-  bool localization_only = false;      ///< changes no map: neither keyframes nor new maps
-  bool use_esm = true;                 ///< rotation from ESM (Eq. 3-6); off: from the velocity model
+  int min_tracked_points = 20;  ///< inliers of a frame that counts as tracked
+  int max_lost_frames = 5;      ///< "more than five frames" that can't be tracked: lost (paper Sec. 3.4)
+  /// A map with so many is full: where it ends a new one begins (paper Sec. 3.4); 0: unlimited.
+  int max_map_keyframes = 0;
+  bool localization_only = false;  ///< changes no map: neither keyframes nor new maps
+  bool use_esm = true;             ///< rotation from ESM (Eq. 3-6); off: from the velocity model
   uint64_t seed = 1;
 
   /// Ranges of every field; the message names the key.

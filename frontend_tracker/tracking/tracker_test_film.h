@@ -1,6 +1,7 @@
 #pragma once
 
-// For tests of the tracker on rendered images: a film, a scripted mapper that answers with deltas made from the truth, and a fixture of both.
+// For tests of the tracker on rendered images: a film, a scripted mapper that answers with deltas made from the truth,
+// and a fixture of both.
 
 #include <gmock/gmock.h>
 
@@ -139,7 +140,8 @@ class ScriptedMapper {
  private:
   void Begin(const KeyFrameMessage& message, const std::shared_ptr<const KeyFrameData>& second) {
     const Rigid3d world_from_first = film_->WorldFromCamera(place_of_frame_(first_->frame));
-    const Sim3d map_from_world = Sim3d(next_scale, Eigen::Quaterniond::Identity(), {0, 0, 0}) * Sim3d(world_from_first.Inverse());
+    const Sim3d map_from_world =
+        Sim3d(next_scale, Eigen::Quaterniond::Identity(), {0, 0, 0}) * Sim3d(world_from_first.Inverse());
     if (!map.keyframes().empty()) finished_.insert_or_assign(map.id(), std::move(map));
     map_from_world_[message.map] = map_from_world;
     map = Map(message.map, 1);

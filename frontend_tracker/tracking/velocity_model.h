@@ -6,8 +6,8 @@
 
 namespace portolan {
 
-/// The decaying velocity motion model (paper Eq. 1, 2): predicts the next camera pose from the last two, on the assumption that a robot's camera
-/// moves smoothly, slows down and stops in the end.
+/// The decaying velocity motion model (paper Eq. 1, 2): predicts the next camera pose from the last two, on the
+/// assumption that a robot's camera moves smoothly, slows down and stops in the end.
 class VelocityModel {
  public:
   /// Forgets everything: the next prediction is the pose given then.

@@ -43,7 +43,8 @@ endif()
 # A program loads the libraries it uses, not all that those it links might: OpenCV's codecs alone bring a hundred.
 add_link_options(-Wl,--as-needed)
 if(PORTOLAN_SANITIZE)
-  add_compile_options(-fsanitize=${PORTOLAN_SANITIZE} -fno-omit-frame-pointer)
+  # Instrumented code makes GCC warn of uninitialised values that are none (GCC's manual on -fsanitize).
+  add_compile_options(-fsanitize=${PORTOLAN_SANITIZE} -fno-omit-frame-pointer -Wno-maybe-uninitialized)
   add_link_options(-fsanitize=${PORTOLAN_SANITIZE})
 endif()
 

@@ -1,5 +1,6 @@
-// portolan_loop_time: what loops cost the loop_closer in a map of many keyframes, made by the synthetic builder: a street that was driven round once
-// and a little more, with the drift of a lap. Times of lookups, verifications and jobs, and how soon a job ends that is told to stop.
+// portolan_loop_time: what loops cost the loop_closer in a map of many keyframes, made by the synthetic builder: a
+// street that was driven round once and a little more, with the drift of a lap. Times of lookups, verifications and
+// jobs, and how soon a job ends that is told to stop.
 
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
@@ -11,6 +12,7 @@
 #include <optional>
 #include <utility>
 
+#include "base/command_line.h"
 #include "base/statistics.h"
 #include "base/time.h"
 #include "loop/loop_closer.h"
@@ -23,11 +25,11 @@ namespace {
 using JobKind = LoopCloser::JobKind;
 using JobResult = LoopCloser::JobResult;
 
-constexpr double kStep = 0.4;             // from keyframe to keyframe, world units
-constexpr int kRevisited = 30;            // keyframes at the end of the way, beyond the lap
-constexpr int kSeenAhead = 20;            // keyframes before them that see the places of the first ones from afar
-constexpr double kScaleDrift = 0.8;       // of the lap; town_lap's is as large
-constexpr double kLandmarksAStep = 50;    // some 350 in view
+constexpr double kStep = 0.4;           // from keyframe to keyframe, world units
+constexpr int kRevisited = 30;          // keyframes at the end of the way, beyond the lap
+constexpr int kSeenAhead = 20;          // keyframes before them that see the places of the first ones from afar
+constexpr double kScaleDrift = 0.8;     // of the lap; town_lap's is as large
+constexpr double kLandmarksAStep = 50;  // some 350 in view
 constexpr size_t kMaxChunkElements = 20000;
 const ProcessId kMapper(0, 1, 1), kLoopCloser(0, 1, 7);
 const std::atomic<bool> kGoOn{false};
@@ -73,15 +75,19 @@ void Print(const std::vector<Row>& rows, const StageTimes& times) {
     const auto found = times.samples().find(row.stage);
     if (found == times.samples().end()) continue;
     const std::vector<double>& samples = found->second;
-    fmt::print("{:34} {:6} {:9.2f} {:9.2f} {:9.2f}  {}\n", row.name, samples.size(), Quantile(samples, 0.5), Quantile(samples, 0.95),
-               Quantile(samples, 1), row.to_meet_ms > 0 ? fmt::format("{:.0f}", row.to_meet_ms) : "");
+    fmt::print("{:34} {:6} {:9.2f} {:9.2f} {:9.2f}  {}\n", row.name, samples.size(), Quantile(samples, 0.5),
+               Quantile(samples, 0.95), Quantile(samples, 1),
+               row.to_meet_ms > 0 ? fmt::format("{:.0f}", row.to_meet_ms) : "");
   }
 }
 
 /// A job keeps the times of its run: each run is one of a copy.
-JobResult RunCopy(LoopCloser::Job job, const std::atomic<bool>& stop) { return job(stop); }
+JobResult RunCopy(LoopCloser::Job job, const std::atomic<bool>& stop) {
+  return job(stop);
+}
 
-/// Milliseconds from the moment at which a job is told to stop until it has ended. Begun anew for each of several moments of its duration.
+/// Milliseconds from the moment at which a job is told to stop until it has ended. Begun anew for each of several
+/// moments of its duration.
 std::vector<double> TimeStops(const LoopCloser::Job& job, double duration_ms) {
   std::vector<double> times;
   for (const double share : {0.05, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95}) {
@@ -140,7 +146,8 @@ class Benchmark {
   }
 
   void SendDelta() {
-    for (MapDeltaChunk& chunk : SplitDelta(owner_.TakeDelta(), kMaxChunkElements)) closer_.follower().AddChunk(std::move(chunk));
+    for (MapDeltaChunk& chunk : SplitDelta(owner_.TakeDelta(), kMaxChunkElements))
+      closer_.follower().AddChunk(std::move(chunk));
   }
 
   void LookAt(size_t view) {
@@ -203,17 +210,17 @@ class Benchmark {
   void PrintTable() const {
     const ClosureRecord& loop = closer_.closures().front();
     const LoopCloser::Counters& counters = closer_.counters();
-    fmt::print("{} keyframes, {} points; {} keyframes looked at, {} candidates, {} refused; {} closes the loop with {}\n", owner_.keyframes().size(),
-               owner_.points().size(), counters.looked_at, counters.candidates, counters.refused, ToString(loop.current), ToString(loop.matched));
+    fmt::print(
+        "{} keyframes, {} points; {} keyframes looked at, {} candidates, {} refused; {} closes the loop with {}\n",
+        owner_.keyframes().size(), owner_.points().size(), counters.looked_at, counters.candidates, counters.refused,
+        ToString(loop.current), ToString(loop.matched));
     fmt::print("{:34} {:>6} {:>9} {:>9} {:>9}  {}\n", "ms", "times", "median", "p95", "max", "at most");
     const double correction_to_meet = arguments_.keyframes <= 450 ? 500 : arguments_.keyframes <= 1000 ? 2000 : 0;
-    const std::vector<Row> of_lookups = {{"words", "candidate lookup", 3},
-                                         {"verify", "verification of a candidate", 30},
-                                         {"verify_words", "  words", 0},
-                                         {"verify_ransac", "  RANSAC", 0},
-                                         {"verify_refine", "  refinement", 0},
-                                         {"verify_wide", "  wide search", 0},
-                                         {"verify_neighbours", "  neighbours", 0}};
+    const std::vector<Row> of_lookups = {
+        {"words", "candidate lookup", 3},        {"verify", "verification of a candidate", 30},
+        {"verify_words", "  words", 0},          {"verify_ransac", "  RANSAC", 0},
+        {"verify_refine", "  refinement", 0},    {"verify_wide", "  wide search", 0},
+        {"verify_neighbours", "  neighbours", 0}};
     const std::vector<Row> of_jobs = {{"correction", "loop, from found to applied", correction_to_meet},
                                       {"loop_snapshot", "  snapshot", 0},
                                       {"loop_window", "  window", 0},
@@ -252,12 +259,14 @@ Status Run(const Arguments& arguments) {
 int main(int argc, char** argv) {
   CLI::App app("Times of loop closing in a map of many keyframes", "portolan_loop_time");
   portolan::Arguments arguments;
-  app.add_option("--keyframes", arguments.keyframes, "of the map")->check(CLI::Range(100, 100000))->capture_default_str();
+  app.add_option("--keyframes", arguments.keyframes, "of the map")
+      ->check(CLI::Range(100, 100000))
+      ->capture_default_str();
   app.add_option("--lookups", arguments.lookups, "keyframes looked at before the place is seen again")
       ->check(CLI::Range(0, 100000))
       ->capture_default_str();
   app.add_option("--runs", arguments.runs, "of the correction")->check(CLI::Range(1, 1000))->capture_default_str();
-  CLI11_PARSE(app, argc, argv);
+  if (const auto code = portolan::ParseCommandLine(&app, argc, argv)) return *code;
   const portolan::Status status = portolan::Run(arguments);
   if (!status) fmt::print(stderr, "portolan_loop_time: {}\n", status.error().message);
   return status.ok() ? 0 : 1;

@@ -14,9 +14,12 @@ constexpr const char* kPassedOn = "the map has another owner, or is no more";
 
 const char* Name(LoopCloser::JobKind kind) {
   switch (kind) {
-    case LoopCloser::JobKind::kLoop: return "loop correction";
-    case LoopCloser::JobKind::kGlobalBundleAdjustment: return "global BA";
-    case LoopCloser::JobKind::kForwardBundleAdjustment: return "FBA";
+    case LoopCloser::JobKind::kLoop:
+      return "loop correction";
+    case LoopCloser::JobKind::kGlobalBundleAdjustment:
+      return "global BA";
+    case LoopCloser::JobKind::kForwardBundleAdjustment:
+      return "FBA";
   }
   return "";
 }
@@ -24,7 +27,10 @@ const char* Name(LoopCloser::JobKind kind) {
 }  // namespace
 
 LoopCloser::LoopCloser(const LoopOptions& options, std::shared_ptr<const Vocabulary> vocabulary, ProcessId process)
-    : options_(options), process_(process), follower_(std::move(vocabulary), process.robot()), detector_(options.detector) {}
+    : options_(options),
+      process_(process),
+      follower_(std::move(vocabulary), process.robot()),
+      detector_(options.detector) {}
 
 void LoopCloser::SetActive(bool is_active) {
   is_active_ = is_active;
@@ -45,7 +51,8 @@ void LoopCloser::OnMapperState(const MapperState& state) {
     return;
   }
   if (!options_.enabled || !is_active_) return NoteLookedAt(state.map, state.last_keyframe);
-  if (state.last_keyframe == last_keyframe_ || (!ready_.empty() && ready_.back().keyframe == state.last_keyframe)) return;
+  if (state.last_keyframe == last_keyframe_ || (!ready_.empty() && ready_.back().keyframe == state.last_keyframe))
+    return;
   ready_.push_back({state.map, state.last_keyframe, state.revision});
   while (static_cast<int>(ready_.size()) > options_.max_waiting) {
     ready_.pop_front();
@@ -67,15 +74,18 @@ bool LoopCloser::IsMine(MapId map) const {
 void LoopCloser::OnCommand(const Command& command) {
   switch (command.kind) {
     case CommandKind::kGrantOwnership:  // the atlas_server's own maps are dormant
-      return NoteOwner(command.map, command.epoch, command.owner.robot() == process_.robot() && command.owner != command.sender);
-    case CommandKind::kFuseMaps: return OnFused(command.map, command.other);
+      return NoteOwner(command.map, command.epoch,
+                       command.owner.robot() == process_.robot() && command.owner != command.sender);
+    case CommandKind::kFuseMaps:
+      return OnFused(command.map, command.other);
     case CommandKind::kAdjustMap:
       if (is_active_ && IsAtHand(command.map)) wants_global_ = command.map;
       return;
     case CommandKind::kForgetMap:
       follower_.Remove(command.map);
       return DropWork(command.map, "the map was deleted");
-    default: return;  // of others
+    default:
+      return;  // of others
   }
 }
 
@@ -93,7 +103,8 @@ void LoopCloser::OnFused(MapId map, MapId other) {
 
 /// Of a map that is no more. A job under way is cancelled by who runs it (ShouldCancel).
 void LoopCloser::DropWork(MapId map, const std::string& reason) {
-  ready_.erase(std::remove_if(ready_.begin(), ready_.end(), [&](const Ready& ready) { return ready.map == map; }), ready_.end());
+  ready_.erase(std::remove_if(ready_.begin(), ready_.end(), [&](const Ready& ready) { return ready.map == map; }),
+               ready_.end());
   loop_edges_.erase(map);
   owners_.erase(map);
   if (wants_global_ == map) wants_global_.reset();
@@ -108,11 +119,14 @@ void LoopCloser::DropWork(MapId map, const std::string& reason) {
 }
 
 /// Whether it is here, and its owner will listen.
-bool LoopCloser::IsAtHand(MapId map) const { return IsMine(map) && Has(map, 1); }
+bool LoopCloser::IsAtHand(MapId map) const {
+  return IsMine(map) && Has(map, 1);
+}
 
 /// Whether its delta is here, or will never come.
 bool LoopCloser::IsReady(const Ready& ready) const {
-  return ready.revision == 0 || !IsMine(ready.map) || !follower_.IsFollowed(ready.map) || Has(ready.map, ready.revision);
+  return ready.revision == 0 || !IsMine(ready.map) || !follower_.IsFollowed(ready.map) ||
+         Has(ready.map, ready.revision);
 }
 
 bool LoopCloser::Update() {
@@ -132,7 +146,8 @@ bool LoopCloser::Has(MapId map, Revision revision) const {
 
 /// Whether the replica has the last correction, or the map is another's by now.
 bool LoopCloser::IsSettled() const {
-  return !corrected_map_.IsValid() || !IsMine(corrected_map_) || !follower_.IsFollowed(corrected_map_) || Has(corrected_map_, corrected_revision_);
+  return !corrected_map_.IsValid() || !IsMine(corrected_map_) || !follower_.IsFollowed(corrected_map_) ||
+         Has(corrected_map_, corrected_revision_);
 }
 
 void LoopCloser::NoteLookedAt(MapId map, KeyFrameId keyframe) {
@@ -155,16 +170,18 @@ void LoopCloser::LookAt(const Ready& ready) {
   counters_.confirmed += detection.confirmed ? 1 : 0;
   NoteRefusals(map, detection.refusals);
   if (detection.confirmed) {
-    spdlog::info("loop: {} sees the place of {} ({} landmarks){}", ToString(ready.keyframe), ToString(detection.confirmed->matched),
-                 detection.confirmed->place.group_inliers, detection.loop ? "" : "; waits for another keyframe to say the same");
+    spdlog::info("loop: {} sees the place of {} ({} landmarks){}", ToString(ready.keyframe),
+                 ToString(detection.confirmed->matched), detection.confirmed->place.group_inliers,
+                 detection.loop ? "" : "; waits for another keyframe to say the same");
   }
   if (detection.loop) OnLoop(map, *detection.loop);
 }
 
 void LoopCloser::NoteRefusals(const Map& map, const std::vector<LoopRefusal>& refusals) {
   for (const LoopRefusal& refusal : refusals) {
-    spdlog::debug("loop: {} (frame {}) is not {} (frame {}): {}", ToString(refusal.current), map.keyframe(refusal.current).data->frame,
-                  ToString(refusal.candidate), map.keyframe(refusal.candidate).data->frame, refusal.reason);
+    spdlog::debug("loop: {} (frame {}) is not {} (frame {}): {}", ToString(refusal.current),
+                  map.keyframe(refusal.current).data->frame, ToString(refusal.candidate),
+                  map.keyframe(refusal.candidate).data->frame, refusal.reason);
     refusals_.push_back(refusal);
     if (refusals_.size() > kMaxRefusals) refusals_.pop_front();
     ++counters_.refused;
@@ -183,13 +200,15 @@ void LoopCloser::OnLoop(const Map& map, const DetectedLoop& loop) {
   record.corrected_from_map = loop.corrected_from_map;
   record.inliers = loop.place.inliers;
   record.group_inliers = loop.place.group_inliers;
-  spdlog::info("loop: frame {} closes with frame {}: scale {:.3f}, {} inliers, {} landmarks seen again", map.keyframe(loop.current).data->frame,
-               map.keyframe(loop.matched).data->frame, loop.corrected_from_map.scale, loop.place.inliers, loop.place.group_inliers);
+  spdlog::info("loop: frame {} closes with frame {}: scale {:.3f}, {} inliers, {} landmarks seen again",
+               map.keyframe(loop.current).data->frame, map.keyframe(loop.matched).data->frame,
+               loop.corrected_from_map.scale, loop.place.inliers, loop.place.group_inliers);
   closures_.push_back(std::move(record));
 }
 
 bool LoopCloser::IsForwardDue() const {
-  return options_.enabled && is_active_ && options_.forward_ba && ready_.empty() && IsMine(detector_map_) && follower_.IsUpToDate(detector_map_) &&
+  return options_.enabled && is_active_ && options_.forward_ba && ready_.empty() && IsMine(detector_map_) &&
+         follower_.IsUpToDate(detector_map_) &&
          keyframes_since_forward_ >= forward_patience_ * options_.forward_every_keyframes;
 }
 
@@ -231,9 +250,11 @@ LoopCloser::Job LoopCloser::MakeJob(JobKind kind, MapId map) {
         result.correction = AdjustGlobally(*snapshot, options, &stop, &result.times);
         return result;
       };
-    case JobKind::kForwardBundleAdjustment: break;
+    case JobKind::kForwardBundleAdjustment:
+      break;
   }
-  return [snapshot, from = last_keyframe_, edges = loop_edges_[map], options = options_.forward, result](const std::atomic<bool>& stop) mutable {
+  return [snapshot, from = last_keyframe_, edges = loop_edges_[map], options = options_.forward,
+          result](const std::atomic<bool>& stop) mutable {
     result.correction = AdjustForward(*snapshot, from, edges, options, &stop, &result.times);
     return result;
   };
@@ -268,9 +289,11 @@ void LoopCloser::OnJobDone(JobResult result) {
   }
   if (!IsAtHand(result.map)) result.correction = Error{kPassedOn};
   if (!result.correction) {
-    spdlog::info("{} of map {} came to nothing: {}", Name(result.kind), ToString(result.map), result.correction.error().message);
+    spdlog::info("{} of map {} came to nothing: {}", Name(result.kind), ToString(result.map),
+                 result.correction.error().message);
     if (result.kind == JobKind::kLoop) FinishClosure(result.correction.error().message);
-    if (result.kind == JobKind::kForwardBundleAdjustment) forward_patience_ = std::min(2 * forward_patience_, kMaxForwardPatience);
+    if (result.kind == JobKind::kForwardBundleAdjustment)
+      forward_patience_ = std::min(2 * forward_patience_, kMaxForwardPatience);
     return;
   }
   outbox_ = std::move(*result.correction);

@@ -157,7 +157,8 @@ TEST_F(LoopCloserTest, OneThatLeavesEndsItsLoopAndBeginsNothing) {
 TEST_F(LoopCloserTest, ClosesALoopThenAdjustsTheWholeMap) {
   const KeyFrameId seen_again = passes_.second.views[10].data->id;
   const auto error = [&] {  // of where the second pass lies, against the first
-    return (owner_.keyframe(seen_again).camera_from_map.TargetOriginInSource() - passes_.second.views[10].camera_from_world.TargetOriginInSource())
+    return (owner_.keyframe(seen_again).camera_from_map.TargetOriginInSource() -
+            passes_.second.views[10].camera_from_world.TargetOriginInSource())
         .norm();
   };
   const double before = error();
@@ -178,7 +179,8 @@ TEST_F(LoopCloserTest, ClosesALoopThenAdjustsTheWholeMap) {
   EXPECT_TRUE(ValidateMap(owner_).empty());
 
   ASSERT_EQ(RunJob(), JobKind::kGlobalBundleAdjustment);
-  if (const auto global = closer_.TakeCorrection()) Answer(*global);  // a map without noise may leave nothing to improve
+  // A map without noise may leave nothing to improve.
+  if (const auto global = closer_.TakeCorrection()) Answer(*global);
   EXPECT_FALSE(closer_.is_busy());
   EXPECT_EQ(closer_.counters().closed, 1u);
 }
@@ -190,7 +192,8 @@ TEST_F(LoopCloserTest, ALoopIsNotClosedTwice) {
   RunJob();
   if (const auto global = closer_.TakeCorrection()) Answer(*global);
   const uint64_t before = closer_.counters().looked_at;
-  for (size_t view = next_view_ + 1; view < passes_.second.views.size(); ++view) Acknowledge(passes_.second.views[view].data->id);
+  for (size_t view = next_view_ + 1; view < passes_.second.views.size(); ++view)
+    Acknowledge(passes_.second.views[view].data->id);
   EXPECT_GT(closer_.counters().looked_at, before);
   EXPECT_EQ(closer_.closures().size(), 1u);
 }

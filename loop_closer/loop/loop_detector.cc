@@ -10,7 +10,8 @@
 namespace portolan {
 namespace {
 
-/// Keyframes in which the place of `current` is known without a loop: those that see its landmarks, and the `most` before it.
+/// Keyframes in which the place of `current` is known without a loop: those that see its landmarks, and the `most`
+/// before it.
 std::unordered_set<KeyFrameId> FindOwnSurroundings(const Map& map, KeyFrameId current, int most) {
   std::unordered_set<KeyFrameId> own{current};
   for (const auto& [id, common] : map.CovisibleKeyFrames(current, 1)) own.insert(id);
@@ -19,13 +20,16 @@ std::unordered_set<KeyFrameId> FindOwnSurroundings(const Map& map, KeyFrameId cu
   return own;
 }
 
-/// Length of the camera's way from one keyframe to a later one, over those between; none if different trackers made them.
+/// Length of the camera's way from one keyframe to a later one, over those between; none if different trackers made
+/// them.
 std::optional<double> LengthOfWay(const Map& map, KeyFrameId from, KeyFrameId to) {
   if (from.robot() != to.robot() || from.session() != to.session() || to < from) return std::nullopt;
   double length = 0;
   auto previous = map.keyframes().find(from);
   for (auto next = std::next(previous); next != map.keyframes().end() && !(to < next->first); previous = next++) {
-    length += (next->second.camera_from_map.TargetOriginInSource() - previous->second.camera_from_map.TargetOriginInSource()).norm();
+    length +=
+        (next->second.camera_from_map.TargetOriginInSource() - previous->second.camera_from_map.TargetOriginInSource())
+            .norm();
   }
   return length;
 }
@@ -68,12 +72,14 @@ LoopDetection LoopDetector::Detect(const Map& map, KeyFrameId current, const Key
 
   const std::vector<DetectedLoop> verified = VerifyAll(map, current, consistent, &detection, times);
   if (verified.empty()) return detection;
-  const auto best = std::max_element(verified.begin(), verified.end(), [](const DetectedLoop& a, const DetectedLoop& b) {
-    return a.place.group_inliers < b.place.group_inliers;
-  });
+  const auto best = std::max_element(
+      verified.begin(), verified.end(),
+      [](const DetectedLoop& a, const DetectedLoop& b) { return a.place.group_inliers < b.place.group_inliers; });
   for (const DetectedLoop& other : verified) {
     if (Agree(map, *best, other)) continue;
-    detection.refusals.push_back({current, best->matched, fmt::format("ambiguous: {} looks the same and lies elsewhere", ToString(other.matched))});
+    detection.refusals.push_back(
+        {current, best->matched,
+         fmt::format("ambiguous: {} looks the same and lies elsewhere", ToString(other.matched))});
     return detection;
   }
   Confirm(map, *best, &detection);
@@ -85,7 +91,8 @@ std::vector<Candidate> LoopDetector::KeepConsistent(const Map& map, const std::v
   std::unordered_set<KeyFrameId> round;
   for (const Candidate& candidate : candidates) {
     std::vector<KeyFrameId> group{candidate.keyframe};
-    for (const auto& [id, common] : map.CovisibleKeyFrames(candidate.keyframe, 1, options_.candidates.neighbours)) group.push_back(id);
+    for (const auto& [id, common] : map.CovisibleKeyFrames(candidate.keyframe, 1, options_.candidates.neighbours))
+      group.push_back(id);
     const bool was_seen = std::any_of(rounds_.begin(), rounds_.end(), [&](const auto& earlier) {
       return std::any_of(group.begin(), group.end(), [&](KeyFrameId id) { return earlier.count(id) == 1; });
     });
@@ -97,8 +104,9 @@ std::vector<Candidate> LoopDetector::KeepConsistent(const Map& map, const std::v
   return consistent;
 }
 
-std::vector<DetectedLoop> LoopDetector::VerifyAll(const Map& map, KeyFrameId current, const std::vector<Candidate>& candidates,
-                                                  LoopDetection* detection, StageTimes* times) const {
+std::vector<DetectedLoop> LoopDetector::VerifyAll(const Map& map, KeyFrameId current,
+                                                  const std::vector<Candidate>& candidates, LoopDetection* detection,
+                                                  StageTimes* times) const {
   std::vector<DetectedLoop> verified;
   int tried = 0;
   for (const Candidate& candidate : candidates) {
@@ -111,8 +119,8 @@ std::vector<DetectedLoop> LoopDetector::VerifyAll(const Map& map, KeyFrameId cur
       continue;
     }
     DetectedLoop loop{current, candidate.keyframe, std::move(*place), {}};
-    loop.corrected_from_map = Sim3d(map.keyframe(loop.matched).camera_from_map).Inverse() * loop.place.query_from_candidate.Inverse() *
-                              Sim3d(map.keyframe(current).camera_from_map);
+    loop.corrected_from_map = Sim3d(map.keyframe(loop.matched).camera_from_map).Inverse() *
+                              loop.place.query_from_candidate.Inverse() * Sim3d(map.keyframe(current).camera_from_map);
     if (const auto reason = FindImplausible(map, loop)) {
       detection->refusals.push_back({current, candidate.keyframe, *reason});
     } else {
@@ -138,13 +146,15 @@ std::optional<std::string> LoopDetector::FindImplausible(const Map& map, const D
 }
 
 bool LoopDetector::Agree(const Map& map, const DetectedLoop& a, const DetectedLoop& b) const {
-  const PlaceAgreementOptions options{options_.max_scale_difference, options_.max_rotation_difference_deg, options_.max_distance_difference};
+  const PlaceAgreementOptions options{options_.max_scale_difference, options_.max_rotation_difference_deg,
+                                      options_.max_distance_difference};
   const Eigen::Vector3d centre = map.keyframe(a.current).camera_from_map.TargetOriginInSource();
   return portolan::Agree(a.corrected_from_map, b.corrected_from_map, centre, map.MedianDepth(a.current), options);
 }
 
 void LoopDetector::Confirm(const Map& map, const DetectedLoop& confirmed, LoopDetection* detection) {
-  while (!confirmations_.empty() && (round_ - confirmations_.front().round > options_.max_keyframes_apart)) confirmations_.pop_front();
+  while (!confirmations_.empty() && (round_ - confirmations_.front().round > options_.max_keyframes_apart))
+    confirmations_.pop_front();
   bool agrees = false;
   for (const Confirmation& earlier : confirmations_) {
     if (map.FindKeyFrame(earlier.loop.matched) == nullptr) continue;
@@ -153,7 +163,8 @@ void LoopDetector::Confirm(const Map& map, const DetectedLoop& confirmed, LoopDe
       continue;
     }
     detection->refusals.push_back({confirmed.current, confirmed.matched,
-                                   fmt::format("contradicts {} seen again from {}", ToString(earlier.loop.matched), ToString(earlier.loop.current))});
+                                   fmt::format("contradicts {} seen again from {}", ToString(earlier.loop.matched),
+                                               ToString(earlier.loop.current))});
     agrees = false;
     break;
   }

@@ -17,19 +17,20 @@
 namespace portolan {
 
 struct LoopDetectorOptions {
-  CandidateOptions candidates;          ///< by words (paper Sec. 5, first step: 75 %)
+  CandidateOptions candidates;           ///< by words (paper Sec. 5, first step: 75 %)
   Sim3VerificationOptions verification;  ///< by geometry (second step)
-  int min_keyframes = 20;         ///< of a map, to look for loops in it
-  int min_keyframes_between = 10;  ///< younger ones show the same place without a loop
-  int consistent_rounds = 3;      ///< keyframes before, among whose candidates a candidate's group must be: lookalikes come singly
-  int max_verified = 3;           ///< candidates of a keyframe that are verified: bounds the time
+  int min_keyframes = 20;                ///< of a map, to look for loops in it
+  int min_keyframes_between = 10;        ///< younger ones show the same place without a loop
+  /// Keyframes before, among whose candidates a candidate's group must be: lookalikes come singly.
+  int consistent_rounds = 3;
+  int max_verified = 3;  ///< candidates of a keyframe that are verified: bounds the time
   // A loop is believed when two keyframes say the same of it.
-  int max_keyframes_apart = 10;        ///< of those two
-  double max_scale_difference = 0.2;   ///< of the two corrections, relative
+  int max_keyframes_apart = 10;       ///< of those two
+  double max_scale_difference = 0.2;  ///< of the two corrections, relative
   double max_rotation_difference_deg = 8;
   double max_distance_difference = 0.2;  ///< of where they put the camera, in its median depths
-  // Drift that is believed, in relation to the way between the two places. A look-alike next door claims as much drift as way; town_lap's scale drifts
-  // by 1.27 in a lap. The bounds are chosen wide of that, not measured.
+  // Drift that is believed, in relation to the way between the two places. A look-alike next door claims as much drift
+  // as way; town_lap's scale drifts by 1.27 in a lap. The bounds are chosen wide of that, not measured.
   double max_drift_share = 0.5;  ///< of the way
   double max_scale_change = 3;   ///< either way
 
@@ -46,7 +47,7 @@ struct LoopRefusal {
 /// A keyframe that sees a place of the map again.
 struct DetectedLoop {
   KeyFrameId current, matched;
-  VerifiedPlace place;  ///< query: current; candidate: matched
+  VerifiedPlace place;       ///< query: current; candidate: matched
   Sim3d corrected_from_map;  ///< what the loop says of the map around the current keyframe: where it should be
 };
 
@@ -62,9 +63,9 @@ struct LoopDetection {
 /// Finds loops of one map (paper Sec. 5, first and second step). Pure; one thread uses it.
 ///
 ///   LoopDetector detector(options);
-///   LoopDetection detection = detector.Detect(map, keyframe, index, &stop, &times);   // for each new keyframe, in order
-///   if (detection.loop) ...
-///   detector.Reset();                                                        // after a correction
+///   LoopDetection detection = detector.Detect(map, keyframe, index, &stop, &times);   // for each new keyframe, in
+///   order if (detection.loop) ... detector.Reset();                                                        // after a
+///   correction
 class LoopDetector {
  public:
   explicit LoopDetector(const LoopDetectorOptions& options) : options_(options) {}
@@ -78,8 +79,8 @@ class LoopDetector {
 
  private:
   std::vector<Candidate> KeepConsistent(const Map& map, const std::vector<Candidate>& candidates);
-  std::vector<DetectedLoop> VerifyAll(const Map& map, KeyFrameId current, const std::vector<Candidate>& candidates, LoopDetection* detection,
-                                      StageTimes* times) const;
+  std::vector<DetectedLoop> VerifyAll(const Map& map, KeyFrameId current, const std::vector<Candidate>& candidates,
+                                      LoopDetection* detection, StageTimes* times) const;
   std::optional<std::string> FindImplausible(const Map& map, const DetectedLoop& loop) const;
   bool Agree(const Map& map, const DetectedLoop& a, const DetectedLoop& b) const;
   void Confirm(const Map& map, const DetectedLoop& confirmed, LoopDetection* detection);

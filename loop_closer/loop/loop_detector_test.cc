@@ -19,7 +19,9 @@ class LoopDetectorTest : public ::testing::Test {
     return index;
   }
   KeyFrameId Second(size_t view) const { return passes_.second.views[view].data->id; }
-  LoopDetection Detect(LoopDetector* detector, size_t view) { return detector->Detect(map_, Second(view), index_, &times_); }
+  LoopDetection Detect(LoopDetector* detector, size_t view) {
+    return detector->Detect(map_, Second(view), index_, &times_);
+  }
 
   const TwoPasses passes_ = MakeTwoPasses(PlaceSceneOptions());
   const Map map_ = MapWithLoop(passes_);
@@ -38,7 +40,8 @@ TEST_F(LoopDetectorTest, BelievesALoopThatTwoKeyFramesSee) {
   }
   ASSERT_TRUE(detection.loop);
   EXPECT_EQ(confirmed, 2);
-  EXPECT_GE(view, 3u) << "the first keyframe has none before it to be consistent with, the second is the first to be verified";
+  EXPECT_GE(view, 3u)
+      << "the first keyframe has none before it to be consistent with, the second is the first to be verified";
   EXPECT_EQ(detection.loop->current, Second(view - 1));
   EXPECT_EQ(detection.loop->matched.session(), passes_.first.views[0].data->id.session());
   EXPECT_THAT(detection.loop->corrected_from_map, Sim3Near(LoopDrift().Inverse(), PoseTolerance{1e-3, 1e-2}, 1e-3));

@@ -2,7 +2,9 @@
 
 namespace portolan {
 
-Status LoopOptions::Check() const { return detector.Check(); }
+Status LoopOptions::Check() const {
+  return detector.Check();
+}
 
 Status ReadLoopOptions(ConfigReader* config, LoopOptions* options) {
   config->Read("loop.enabled", &options->enabled);

@@ -11,11 +11,11 @@ namespace portolan {
 
 /// All of loop closing's parameters.
 struct LoopOptions {
-  bool enabled = true;             ///< off: the maps are followed, and nothing else
-  bool global_ba = true;           ///< after each closed loop
-  bool forward_ba = true;          ///< FBA in idle times
+  bool enabled = true;               ///< off: the maps are followed, and nothing else
+  bool global_ba = true;             ///< after each closed loop
+  bool forward_ba = true;            ///< FBA in idle times
   int forward_every_keyframes = 20;  ///< "several key frames" (paper Sec. 5) since the last FBA or loop
-  int max_waiting = 5;             ///< keyframes that wait to be looked at; of more the newest: a place is seen by many
+  int max_waiting = 5;  ///< keyframes that wait to be looked at; of more the newest: a place is seen by many
   LoopDetectorOptions detector;
   LoopCorrectionOptions correction;
   KeyFrameAdjustmentOptions global;

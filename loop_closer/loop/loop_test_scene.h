@@ -8,7 +8,9 @@
 namespace portolan {
 
 /// Where the second pass came out: where it should be, but for this.
-inline Sim3d LoopDrift() { return Sim3d(1.2, ExpSO3({0.03, -0.06, 0.02}), {0.3, -0.2, 0.3}); }
+inline Sim3d LoopDrift() {
+  return Sim3d(1.2, ExpSO3({0.03, -0.06, 0.02}), {0.3, -0.2, 0.3});
+}
 
 /// The map after both passes.
 inline Map MapWithLoop(const TwoPasses& passes) {

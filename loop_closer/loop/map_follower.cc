@@ -15,7 +15,9 @@ void MapFollower::Follow(MapId map, Epoch epoch) {
   ChooseActiveMap();
 }
 
-bool MapFollower::IsFollowed(MapId map) const { return std::find(followed_.begin(), followed_.end(), map) != followed_.end(); }
+bool MapFollower::IsFollowed(MapId map) const {
+  return std::find(followed_.begin(), followed_.end(), map) != followed_.end();
+}
 
 bool MapFollower::AddKeyFrame(const KeyFrameMessage& message) {
   if (!message.map.IsValid() || (vocabulary_ != nullptr && message.vocabulary_hash != vocabulary_->hash()))
@@ -39,7 +41,8 @@ void MapFollower::OnMapperState(const MapperState& state) {
 }
 
 void MapFollower::OnStatus(const ProcessStatus& status) {
-  if (status.process.robot() == robot_ && (status.role == "backend_mapper" || status.role == "frontend_tracker")) Follow(status.map, status.epoch);
+  if (status.process.robot() == robot_ && (status.role == "backend_mapper" || status.role == "frontend_tracker"))
+    Follow(status.map, status.epoch);
   if (IsFollowed(status.map)) replicas_.Announce(status.map, status.epoch, status.revision);
 }
 
@@ -86,7 +89,9 @@ bool MapFollower::IsHere(MapId map) const {
   return replica != replicas_.replicas().end() && replica->second.map().revision() > 0;
 }
 
-bool MapFollower::IsUpToDate(MapId map) const { return IsHere(map) && !replicas_.IsBehind(map); }
+bool MapFollower::IsUpToDate(MapId map) const {
+  return IsHere(map) && !replicas_.IsBehind(map);
+}
 
 void MapFollower::ChooseActiveMap() {
   if (IsHere(tracked_map_)) active_map_ = tracked_map_;

@@ -14,8 +14,8 @@
 namespace portolan {
 
 /// Keeps replicas of a robot's maps with an index of their keyframes by visual word: what loop closing looks for places
-/// in. A robot's maps are those that its tracker makes keyframes in or is in, and that its mapper works on: of all that an
-/// atlas_server and other robots talk about, the few that matter here. Pure: no DDS, no threads; one thread uses it.
+/// in. A robot's maps are those that its tracker makes keyframes in or is in, and that its mapper works on: of all that
+/// an atlas_server and other robots talk about, the few that matter here. Pure: no DDS, no threads; one thread uses it.
 ///
 ///   MapFollower follower(vocabulary, robot);
 ///   follower.AddKeyFrame(message);  follower.AddChunk(chunk);  follower.OnMapperState(state);
@@ -23,7 +23,8 @@ namespace portolan {
 class MapFollower {
  public:
   /// @param vocabulary may be null: then no keyframe has words (tests of the replicas alone).
-  MapFollower(std::shared_ptr<const Vocabulary> vocabulary, RobotId robot) : vocabulary_(std::move(vocabulary)), robot_(robot) {}
+  MapFollower(std::shared_ptr<const Vocabulary> vocabulary, RobotId robot)
+      : vocabulary_(std::move(vocabulary)), robot_(robot) {}
 
   /// Of maps that go back and forth between being active and dormant the last ones are followed; of more the one that
   /// mattered least recently is forgotten.

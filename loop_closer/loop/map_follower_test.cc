@@ -227,7 +227,8 @@ TEST_F(MapFollowerTest, AMapTakenIntoAnotherPassesItsKeyFramesOn) {
   follower_.Fuse(into.id(), map_.id());
   EXPECT_FALSE(follower_.IsFollowed(map_.id()));
   EXPECT_EQ(follower_.index().size(), 1u);
-  for (const auto& [id, keyframe] : map_.keyframes()) into.AddKeyFrame(keyframe.data, keyframe.camera_from_map, own->id);
+  for (const auto& [id, keyframe] : map_.keyframes())
+    into.AddKeyFrame(keyframe.data, keyframe.camera_from_map, own->id);
   for (const MapDeltaChunk& chunk : SplitDelta(into.TakeDelta(), 7)) follower_.AddChunk(chunk);
   EXPECT_EQ(follower_.ApplyPending().size(), 1u);
   EXPECT_EQ(follower_.index().size(), into.keyframes().size());

@@ -13,13 +13,14 @@ namespace {
 constexpr double kStatusPeriodS = 1.0;
 constexpr double kTickPeriodS = 0.15;  // well within the liveliness lease of 500 ms
 constexpr double kLogPeriodS = 5.0;
-constexpr int kBackgroundNiceSteps = 6;                   // behind the atlas_server too: nobody waits for a global BA
+constexpr int kBackgroundNiceSteps = 6;                     // behind the atlas_server too: nobody waits for a global BA
 constexpr auto kAnswerPatience = std::chrono::seconds(10);  // many times what an owner takes to apply a correction
 
 }  // namespace
 
-LoopProcess::LoopProcess(const ProcessSetup& setup, const LoopOptions& options, std::shared_ptr<const Vocabulary> vocabulary, Bus* bus,
-                         const std::string& priority, ProcessLoop* loop)
+LoopProcess::LoopProcess(const ProcessSetup& setup, const LoopOptions& options,
+                         std::shared_ptr<const Vocabulary> vocabulary, Bus* bus, const std::string& priority,
+                         ProcessLoop* loop)
     : setup_(setup),
       bus_(bus),
       priority_(priority),
@@ -90,13 +91,16 @@ void LoopProcess::OnStatus(const ProcessStatus& status) {
   if (status.process != setup_.process) closer_.follower().OnStatus(status);
 }
 
-void LoopProcess::OnTrackerState(const TrackerState& state) { closer_.follower().OnTrackerState(state); }
+void LoopProcess::OnTrackerState(const TrackerState& state) {
+  closer_.follower().OnTrackerState(state);
+}
 
 void LoopProcess::OnCommand(const Command& command) {
   closer_.OnCommand(command);
   const bool is_mine = command.robot == setup_.options.robot;
   if (command.kind == CommandKind::kDrain && is_mine && command.owner != command.sender) OnDrain(command.owner);
-  if (command.kind == CommandKind::kAppointMapper && is_mine && is_standby_) draining_ = ProcessId();  // it was the mapper that did
+  // It was the mapper that did.
+  if (command.kind == CommandKind::kAppointMapper && is_mine && is_standby_) draining_ = ProcessId();
   if (command.kind == CommandKind::kAppointLoopCloser && is_mine) OnAppointment(command.owner);
   Continue();
 }
@@ -133,7 +137,8 @@ void LoopProcess::StartJob(LoopCloser::Job job) {
 
 void LoopProcess::PublishState() {
   const MapId map = closer_.last_map();
-  const bool is_new = map != state_.map || closer_.last_keyframe() != state_.last_keyframe || closer_.is_busy() != state_.is_busy;
+  const bool is_new =
+      map != state_.map || closer_.last_keyframe() != state_.last_keyframe || closer_.is_busy() != state_.is_busy;
   if (!is_new) return;
   const Map* replica = closer_.follower().Find(map);
   state_.map = map;
@@ -152,7 +157,8 @@ void LoopProcess::OnTick() {
     ++snapshots_asked_;
   }
   ContinueDrain(false);
-  if (closer_.AwaitsAnswer() && Clock::now() - proposed_at_ > kAnswerPatience) closer_.ForgetCorrection("no answer from the map's owner");
+  if (closer_.AwaitsAnswer() && Clock::now() - proposed_at_ > kAnswerPatience)
+    closer_.ForgetCorrection("no answer from the map's owner");
   Continue();
 }
 

@@ -15,12 +15,13 @@
 
 namespace portolan {
 
-/// The shell around loop closing: follows the maps and looks for loops on one owner thread, corrects them on a second behind it. One that
-/// stands by follows and no more, until the atlas_server appoints it: of a robot's loop_closers one proposes.
+/// The shell around loop closing: follows the maps and looks for loops on one owner thread, corrects them on a second
+/// behind it. One that stands by follows and no more, until the atlas_server appoints it: of a robot's loop_closers one
+/// proposes.
 class LoopProcess {
  public:
-  LoopProcess(const ProcessSetup& setup, const LoopOptions& options, std::shared_ptr<const Vocabulary> vocabulary, Bus* bus,
-              const std::string& priority, ProcessLoop* loop);
+  LoopProcess(const ProcessSetup& setup, const LoopOptions& options, std::shared_ptr<const Vocabulary> vocabulary,
+              Bus* bus, const std::string& priority, ProcessLoop* loop);
   ~LoopProcess();
 
   /// Runs until SIGINT, SIGTERM, or another has its place, then writes its report. @return exit code.
@@ -64,12 +65,12 @@ class LoopProcess {
   std::vector<std::unique_ptr<Reader>> readers_;
 
   LoopCloser closer_;
-  FollowerState state_;                 // as last published
+  FollowerState state_;  // as last published
   IdMinter<RequestId> request_ids_;
   bool is_standby_;
   ProcessId draining_;  // a loop_closer, this one or another; none: nobody is
   std::optional<Clock::time_point> drained_since_;
-  HeldMap told_;        // last, of the active map
+  HeldMap told_;  // last, of the active map
   Clock::time_point proposed_at_{};
   Revision logged_revision_ = 0;
   MapId logged_map_;

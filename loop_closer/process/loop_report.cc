@@ -14,7 +14,8 @@ nlohmann::json ToJson(const ClosureRecord& record) {
           {"inliers", record.inliers},
           {"landmarks", record.group_inliers},
           {"scale", similarity.scale},
-          {"rotation", {similarity.rotation.x(), similarity.rotation.y(), similarity.rotation.z(), similarity.rotation.w()}},
+          {"rotation",
+           {similarity.rotation.x(), similarity.rotation.y(), similarity.rotation.z(), similarity.rotation.w()}},
           {"translation", {similarity.translation.x(), similarity.translation.y(), similarity.translation.z()}},
           {"milliseconds", times},
           {"applied", record.is_applied},
@@ -30,13 +31,15 @@ void AddLoops(const LoopCloser& closer, nlohmann::json* report) {
   for (const ClosureRecord& record : closer.closures()) (*report)["closures"].push_back(ToJson(record));
   (*report)["refusals"] = nlohmann::json::array();
   for (const LoopRefusal& refusal : closer.refusals()) {
-    (*report)["refusals"].push_back(
-        {{"keyframe", ToString(refusal.current)}, {"candidate", ToString(refusal.candidate)}, {"reason", refusal.reason}});
+    (*report)["refusals"].push_back({{"keyframe", ToString(refusal.current)},
+                                     {"candidate", ToString(refusal.candidate)},
+                                     {"reason", refusal.reason}});
   }
-  (*report)["loop_counters"] = {{"looked_at", counters.looked_at}, {"passed_over", counters.passed_over}, {"candidates", counters.candidates},
-                                {"consistent", counters.consistent}, {"refused", counters.refused},       {"confirmed", counters.confirmed},
-                                {"closed", counters.closed},       {"failed", counters.failed},           {"global_ba", counters.global_ba},
-                                {"forward_ba", counters.forward_ba}, {"cancelled", counters.cancelled}};
+  (*report)["loop_counters"] = {
+      {"looked_at", counters.looked_at},   {"passed_over", counters.passed_over}, {"candidates", counters.candidates},
+      {"consistent", counters.consistent}, {"refused", counters.refused},         {"confirmed", counters.confirmed},
+      {"closed", counters.closed},         {"failed", counters.failed},           {"global_ba", counters.global_ba},
+      {"forward_ba", counters.forward_ba}, {"cancelled", counters.cancelled}};
 }
 
 }  // namespace portolan

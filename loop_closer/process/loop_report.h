@@ -6,8 +6,8 @@
 
 namespace portolan {
 
-/// Adds what loop closing did to a process's report: "loops" (closed), "closures", "refusals" (the last ones, with their reasons) and
-/// "loop_counters".
+/// Adds what loop closing did to a process's report: "loops" (closed), "closures", "refusals" (the last ones, with
+/// their reasons) and "loop_counters".
 void AddLoops(const LoopCloser& closer, nlohmann::json* report);
 
 }  // namespace portolan

@@ -30,7 +30,8 @@ void LoopProcess::OnAppointment(ProcessId process) {
     spdlog::info("has left its place to {}", ToString(process));
     return loop_->Stop();
   }
-  if (process == setup_.process && is_standby_) spdlog::info("has the place of robot {}'s loop_closer", setup_.options.robot);
+  if (process == setup_.process && is_standby_)
+    spdlog::info("has the place of robot {}'s loop_closer", setup_.options.robot);
   is_standby_ = process != setup_.process;  // one that slept, and was given up
   if (closer_.is_active() == is_standby_) closer_.SetActive(!is_standby_);
   OnStatusTimer();
@@ -51,7 +52,8 @@ void LoopProcess::ContinueDrain(bool all) {
 /// What is here of the active map, if that is new.
 void LoopProcess::TellHeld() {
   const Map* map = closer_.follower().Find(closer_.follower().active_map());
-  if (map == nullptr || (map->id() == told_.map && map->epoch() == told_.epoch && map->revision() == told_.revision)) return;
+  if (map == nullptr || (map->id() == told_.map && map->epoch() == told_.epoch && map->revision() == told_.revision))
+    return;
   told_ = MeasureMap(*map);
   Report("holds_map", told_.map, ToText(told_));
 }

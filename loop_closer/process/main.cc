@@ -5,8 +5,8 @@ int main(int argc, char** argv) {
   using namespace portolan;
   LoopOptions options;
   const ProcessSetup setup =
-      ProcessSetup::Make("loop_closer", "Portolan's loop closer: finds places seen again, and corrects the map by them", argc, argv, nullptr,
-                         [&](ConfigReader* config) { return ReadLoopOptions(config, &options); });
+      ProcessSetup::Make("loop_closer", "Portolan's loop closer: finds places seen again, and corrects the map by them",
+                         argc, argv, nullptr, [&](ConfigReader* config) { return ReadLoopOptions(config, &options); });
   if (setup.exit_code) return *setup.exit_code;
 
   const ProcessStart start = ProcessStart::Make(setup);

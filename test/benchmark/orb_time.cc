@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "base/command_line.h"
 #include "base/statistics.h"
 #include "base/time.h"
 #include "dataset/image_source.h"
@@ -63,11 +64,7 @@ int Main(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--first-frame", arguments.source.first_frame, "frames before it are passed over");
   app.add_option("--max-frames", arguments.source.max_frames, "0: all");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& failure) {
-    return app.exit(failure) == 0 ? 0 : 2;
-  }
+  if (const auto code = ParseCommandLine(&app, argc, argv)) return *code;
   cv::setNumThreads(1);
   Result<std::vector<double>> milliseconds = MeasureOrb(arguments);
   if (!milliseconds || milliseconds->empty()) {

@@ -10,8 +10,9 @@ constexpr RobotId kRobot = 0;
 constexpr size_t kDeltaChunkElements = 10000;
 }  // namespace
 
-Pipeline::Pipeline(const TrackerOptions& tracker_options, const MapperOptions& mapper_options, const LoopOptions& loop_options,
-                   const CameraModel& camera, std::shared_ptr<const Vocabulary> vocabulary, uint32_t session)
+Pipeline::Pipeline(const TrackerOptions& tracker_options, const MapperOptions& mapper_options,
+                   const LoopOptions& loop_options, const CameraModel& camera,
+                   std::shared_ptr<const Vocabulary> vocabulary, uint32_t session)
     : point_ids_(kRobot, session),
       mapper_options_(mapper_options),
       vocabulary_(vocabulary),
@@ -35,13 +36,13 @@ void Pipeline::Answer(const Request& request) {
   Reply reply;
   reply.ok = request.kind != "locate";  // it keeps no map that the tracker has not
   if (request.kind == "new_map" && mappers_.count(request.map) == 0) {
-    mappers_[request.map] = std::make_unique<LocalMapper>(mapper_options_, request.map, next_epoch_++, &point_ids_,
-                                                          [this](MapDelta delta) {
-                                                            for (MapDeltaChunk& chunk : SplitDelta(delta, kDeltaChunkElements)) {
-                                                              loop_closer_.follower().AddChunk(std::move(chunk));
-                                                            }
-                                                            tracker_.AddDelta(std::move(delta));
-                                                          });
+    mappers_[request.map] =
+        std::make_unique<LocalMapper>(mapper_options_, request.map, next_epoch_++, &point_ids_, [this](MapDelta delta) {
+          for (MapDeltaChunk& chunk : SplitDelta(delta, kDeltaChunkElements)) {
+            loop_closer_.follower().AddChunk(std::move(chunk));
+          }
+          tracker_.AddDelta(std::move(delta));
+        });
   }
   tracker_.OnReply(request, reply);
 }
@@ -62,7 +63,8 @@ void Pipeline::Map(const KeyFrameMessage& message) {
   if (message.kind == KeyFrameKind::kInitialSecond) {
     status = mapper.Initialize(firsts_.at(message.reference), data, message);
   } else {
-    status = mapper.Process(data, message, [] { return false; }, nullptr);
+    status = mapper.Process(
+        data, message, [] { return false; }, nullptr);
     RefineLens(&mapper);
   }
   state.last_keyframe = data->id;

@@ -11,13 +11,14 @@
 
 namespace portolan {
 
-/// Tracker, mapper and loop closer in one thread, without DDS: what the processes do in lockstep, for tests and for work on the algorithm. After each
-/// frame the mapper takes in its keyframes completely before the next one, and loops found are closed. Deterministic.
+/// Tracker, mapper and loop closer in one thread, without DDS: what the processes do in lockstep, for tests and for
+/// work on the algorithm. After each frame the mapper takes in its keyframes completely before the next one, and loops
+/// found are closed. Deterministic.
 class Pipeline {
  public:
   /// @param session of the ids; fixed, for runs are to be equal to the bit. Maps of two runs that meet need two.
-  Pipeline(const TrackerOptions& tracker_options, const MapperOptions& mapper_options, const LoopOptions& loop_options, const CameraModel& camera,
-           std::shared_ptr<const Vocabulary> vocabulary, uint32_t session = 1);
+  Pipeline(const TrackerOptions& tracker_options, const MapperOptions& mapper_options, const LoopOptions& loop_options,
+           const CameraModel& camera, std::shared_ptr<const Vocabulary> vocabulary, uint32_t session = 1);
 
   Tracker::Output Track(const Image& image);
 

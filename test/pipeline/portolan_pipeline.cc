@@ -1,4 +1,5 @@
-// Runs tracker, mapper and loop closer in one process on a data set, in lockstep: for work on the algorithm. Writes the trajectories of portolan's run.sh.
+// Runs tracker, mapper and loop closer in one process on a data set, in lockstep: for work on the algorithm. Writes the
+// trajectories of portolan's run.sh.
 
 #include <spdlog/spdlog.h>
 
@@ -6,6 +7,7 @@
 #include <cstdio>
 #include <opencv2/core/utility.hpp>
 
+#include "base/command_line.h"
 #include "base/log.h"
 #include "dataset/calibration.h"
 #include "dataset/image_source.h"
@@ -20,8 +22,9 @@
 namespace portolan {
 namespace {
 
-int Run(const SourceOptions& source_options, const std::string& out, const TrackerOptions& tracker_options, const MapperOptions& mapper_options,
-        const LoopOptions& loop_options, int every, uint32_t session, const std::string& maps_file) {
+int Run(const SourceOptions& source_options, const std::string& out, const TrackerOptions& tracker_options,
+        const MapperOptions& mapper_options, const LoopOptions& loop_options, int every, uint32_t session,
+        const std::string& maps_file) {
   auto vocabulary = Vocabulary::Open(Vocabulary::DefaultPath());
   if (!vocabulary) {
     spdlog::error("{}", vocabulary.error().message);
@@ -45,9 +48,9 @@ int Run(const SourceOptions& source_options, const std::string& out, const Track
     ++frames;
     const Tracker::Output output = pipeline.Track(**image);
     tracked += output.state.state == TrackingState::kTracking;
-    spdlog::debug("frame {} state {} n {} m {} s {:.2f} map {} kf {} {:.1f} ms", output.state.frame, static_cast<int>(output.state.state),
-                  output.state.num_inliers, output.state.num_candidates, output.state.quality, ToString(output.state.map),
-                  output.keyframes.size(), output.state.frame_ms);
+    spdlog::debug("frame {} state {} n {} m {} s {:.2f} map {} kf {} {:.1f} ms", output.state.frame,
+                  static_cast<int>(output.state.state), output.state.num_inliers, output.state.num_candidates,
+                  output.state.quality, ToString(output.state.map), output.keyframes.size(), output.state.frame_ms);
   }
   pipeline.tracker().FinishHistory();
   const Tracker& tracker = pipeline.tracker();
@@ -67,22 +70,26 @@ int Run(const SourceOptions& source_options, const std::string& out, const Track
       return 1;
     }
   }
-  std::printf("frames %zu online %zu trajectory %zu keyframes sent %zu\n", static_cast<size_t>(frames), static_cast<size_t>(tracked),
-              trajectory.size(), static_cast<size_t>(pipeline.tracker().num_keyframes_sent()));
+  std::printf("frames %zu online %zu trajectory %zu keyframes sent %zu\n", static_cast<size_t>(frames),
+              static_cast<size_t>(tracked), trajectory.size(),
+              static_cast<size_t>(pipeline.tracker().num_keyframes_sent()));
   const MapEvents& events = tracker.map_events();
-  std::printf("maps %zu links %zu unlinked %zu switches %zu fusions %zu; frames to a new map:", trajectories.map_numbers.size(),
-              tracker.links().num_links(), trajectories.unlinked_maps.size(), static_cast<size_t>(events.switches),
-              static_cast<size_t>(events.fusions));
+  std::printf("maps %zu links %zu unlinked %zu switches %zu fusions %zu; frames to a new map:",
+              trajectories.map_numbers.size(), tracker.links().num_links(), trajectories.unlinked_maps.size(),
+              static_cast<size_t>(events.switches), static_cast<size_t>(events.fusions));
   for (const int frames_to_map : events.frames_to_new_map) std::printf(" %d", frames_to_map);
   std::printf("\n");
   for (const auto& [id, mapper] : pipeline.mappers()) {
-    std::printf("map %s: %zu keyframes, %zu points\n", ToString(id).c_str(), mapper->map().keyframes().size(), mapper->map().points().size());
+    std::printf("map %s: %zu keyframes, %zu points\n", ToString(id).c_str(), mapper->map().keyframes().size(),
+                mapper->map().points().size());
     for (const auto& [stage, samples] : mapper->stage_times().samples()) {
-      std::printf("  %-12s %6zu x median %6.1f p95 %6.1f ms\n", stage.c_str(), samples.size(), Quantile(samples, 0.5), Quantile(samples, 0.95));
+      std::printf("  %-12s %6zu x median %6.1f p95 %6.1f ms\n", stage.c_str(), samples.size(), Quantile(samples, 0.5),
+                  Quantile(samples, 0.95));
     }
   }
   for (const auto& [stage, samples] : pipeline.tracker().stage_times().samples()) {
-    std::printf("  %-12s %6zu x median %6.1f p95 %6.1f ms\n", stage.c_str(), samples.size(), Quantile(samples, 0.5), Quantile(samples, 0.95));
+    std::printf("  %-12s %6zu x median %6.1f p95 %6.1f ms\n", stage.c_str(), samples.size(), Quantile(samples, 0.5),
+                Quantile(samples, 0.95));
   }
   return 0;
 }
@@ -111,7 +118,7 @@ int main(int argc, char** argv) {
   app.add_option("--first", source.first_frame);
   app.add_option("--frames", source.max_frames);
   app.add_option("--set", sets, "one value of the configuration: section.key=value (repeatable)");
-  CLI11_PARSE(app, argc, argv);
+  if (const auto code = portolan::ParseCommandLine(&app, argc, argv)) return *code;
   cv::setNumThreads(1);
   portolan::LogOptions log;
   log.process = "pipeline";

@@ -1,5 +1,6 @@
-// portolan_place_precision: asks of each keyframe of finished maps (portolan_pipeline_run --save-maps) for its candidates among the older ones,
-// verifies them and compares with the ground truth. Prints a line a candidate, then precision, recall by revisit and times.
+// portolan_place_precision: asks of each keyframe of finished maps (portolan_pipeline_run --save-maps) for its
+// candidates among the older ones, verifies them and compares with the ground truth. Prints a line a candidate, then
+// precision, recall by revisit and times.
 
 #include <fmt/format.h>
 
@@ -13,6 +14,7 @@
 #include <optional>
 #include <set>
 
+#include "base/command_line.h"
 #include "base/time.h"
 #include "dataset/trajectory_evaluation.h"
 #include "dataset/trajectory_io.h"
@@ -54,7 +56,9 @@ struct Counts {
   std::map<std::string, std::pair<int, int>> by_label;  ///< candidates, verified
 };
 
-double Degrees(double radians) { return radians * 180 / M_PI; }
+double Degrees(double radians) {
+  return radians * 180 / M_PI;
+}
 
 class Precision {
  public:
@@ -69,7 +73,8 @@ class Precision {
     }
   }
 
-  /// From the youngest keyframe to the oldest: each is asked, then taken out, so that the map is as it was when it came.
+  /// From the youngest keyframe to the oldest: each is asked, then taken out, so that the map is as it was when it
+  /// came.
   void Run() {
     for (auto map = maps_.begin(); map != maps_.end();) {
       for (const auto& [keyframe, state] : map->second.keyframes()) index_.Add(keyframe, WordsOf(state.data));
@@ -84,18 +89,21 @@ class Precision {
       map.RefreshDerived();
       Ask(map, query);
       index_.Remove(query);
-      if (map.keyframes().size() > 1) map.RemoveKeyFrame(query);
-      else maps_.erase(youngest);
+      if (map.keyframes().size() > 1)
+        map.RemoveKeyFrame(query);
+      else
+        maps_.erase(youngest);
     }
   }
 
   void Report() const {
     fmt::print("\n{} candidates, {} verified, {} of them wrong\n", counts_.candidates, counts_.verified, counts_.wrong);
-    for (const auto& [label, count] : counts_.by_label) fmt::print("  {:8} {} candidates, {} verified\n", label, count.first, count.second);
+    for (const auto& [label, count] : counts_.by_label)
+      fmt::print("  {:8} {} candidates, {} verified\n", label, count.first, count.second);
     for (const std::string& revisit : arguments_.revisits) ReportRevisit(revisit);
     for (const auto& [stage, samples] : times_.samples()) {
-      fmt::print("  {:18} {:5} x median {:5.2f} p95 {:5.2f} max {:5.2f} ms\n", stage, samples.size(), Quantile(samples, 0.5),
-                 Quantile(samples, 0.95), Quantile(samples, 1));
+      fmt::print("  {:18} {:5} x median {:5.2f} p95 {:5.2f} max {:5.2f} ms\n", stage, samples.size(),
+                 Quantile(samples, 0.5), Quantile(samples, 0.95), Quantile(samples, 1));
     }
   }
 
@@ -105,7 +113,8 @@ class Precision {
     asked_.push_back(data.frame);
     for (const auto& [id, other] : maps_) {
       const auto is_excluded = [&](KeyFrameId k) {
-        return id == map.id() && (map.Covisibility(query, k) > 0 || k.sequence() + static_cast<uint32_t>(arguments_.min_age) > query.sequence());
+        return id == map.id() && (map.Covisibility(query, k) > 0 ||
+                                  k.sequence() + static_cast<uint32_t>(arguments_.min_age) > query.sequence());
       };
       Stopwatch watch;
       const std::vector<Candidate> candidates = FindCandidates(data.bow, index_, other, {}, is_excluded);
@@ -118,7 +127,8 @@ class Precision {
     Stopwatch watch;
     const auto place = VerifyPlace(map, query, other, candidate.keyframe, options_, nullptr, &times_);
     times_.Add("verification", watch.Milliseconds());
-    const auto comparison = Compare(map, query, other, candidate.keyframe, place.ok() ? place->query_from_candidate : Sim3d());
+    const auto comparison =
+        Compare(map, query, other, candidate.keyframe, place.ok() ? place->query_from_candidate : Sim3d());
     if (!comparison) return;  // no ground truth here
     const KeyFrameData& a = *map.keyframe(query).data;
     const bool right = place.ok() && comparison->IsRight();
@@ -132,11 +142,14 @@ class Precision {
       if (right) found_.push_back(a.frame);
     }
     fmt::print("frame {} candidate {} score {:.3f} {} distance {:.2f} m {:.0f} deg depth {:.1f} m: {}", a.frame,
-               other.keyframe(candidate.keyframe).data->frame, candidate.accumulated_score, comparison->Label(), comparison->distance_m,
-               comparison->angle_deg, comparison->depth_m, place.ok() ? right ? "RIGHT " : "WRONG " : "refused ");
-    if (!place.ok()) fmt::print("{}\n", place.error().message);
-    else fmt::print("off {:.1f} deg {:.2f} m scale {:.2f}; {}\n", comparison->rotation_error_deg, comparison->translation_error_m,
-                    place->query_from_candidate.scale, ToString(place->evidence));
+               other.keyframe(candidate.keyframe).data->frame, candidate.accumulated_score, comparison->Label(),
+               comparison->distance_m, comparison->angle_deg, comparison->depth_m,
+               place.ok() ? right ? "RIGHT " : "WRONG " : "refused ");
+    if (!place.ok())
+      fmt::print("{}\n", place.error().message);
+    else
+      fmt::print("off {:.1f} deg {:.2f} m scale {:.2f}; {}\n", comparison->rotation_error_deg,
+                 comparison->translation_error_m, place->query_from_candidate.scale, ToString(place->evidence));
   }
 
   const Rigid3d* TruthOf(const KeyFrame& keyframe) const {
@@ -185,7 +198,8 @@ class Precision {
     if (std::sscanf(revisit.c_str(), "%u-%u", &first, &last) != 2) return;
     const auto is_inside = [&](uint64_t frame) { return frame >= first && frame <= last; };
     const std::set<uint64_t> found(found_.begin(), found_.end());
-    fmt::print("  revisit {}: {} of {} keyframes find it\n", revisit, std::count_if(found.begin(), found.end(), is_inside),
+    fmt::print("  revisit {}: {} of {} keyframes find it\n", revisit,
+               std::count_if(found.begin(), found.end(), is_inside),
                std::count_if(asked_.begin(), asked_.end(), is_inside));
   }
 
@@ -222,14 +236,18 @@ Status Run(const Arguments& arguments) {
 }  // namespace portolan
 
 int main(int argc, char** argv) {
-  CLI::App app("Precision and recall of place verification on finished maps, against the ground truth", "portolan_place_precision");
+  CLI::App app("Precision and recall of place verification on finished maps, against the ground truth",
+               "portolan_place_precision");
   portolan::Arguments arguments;
   app.add_option("truth", arguments.truth, "TUM or KITTI ground truth")->required();
-  app.add_option("maps", arguments.maps, "of portolan_pipeline_run --save-maps; of several runs if their --session differs")->required();
+  app.add_option("maps", arguments.maps,
+                 "of portolan_pipeline_run --save-maps; of several runs if their --session differs")
+      ->required();
   app.add_option("--revisit", arguments.revisits, "frames of a second visit, FIRST-LAST (repeatable)");
-  app.add_option("--min-age", arguments.min_age, "keyframes between the two at least, in one map")->capture_default_str();
+  app.add_option("--min-age", arguments.min_age, "keyframes between the two at least, in one map")
+      ->capture_default_str();
   app.add_flag("--lenient", arguments.lenient, "verify what has a similarity at all: for choosing bounds");
-  CLI11_PARSE(app, argc, argv);
+  if (const auto code = portolan::ParseCommandLine(&app, argc, argv)) return *code;
   const portolan::Status status = portolan::Run(arguments);
   if (!status) fmt::print(stderr, "portolan_place_precision: {}\n", status.error().message);
   return status.ok() ? 0 : 1;

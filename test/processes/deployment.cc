@@ -19,7 +19,8 @@ void DeploymentTest::StartRole(const std::string& role, const std::vector<std::s
 }
 
 void DeploymentTest::StartStandby(const std::string& role, const std::vector<std::string>& arguments) {
-  std::vector<std::string> command = {Program("portolan_" + role), "--standby", "--out", StandbyOut(), "--domain", std::to_string(domain_)};
+  std::vector<std::string> command = {Program("portolan_" + role), "--standby", "--out", StandbyOut(), "--domain",
+                                      std::to_string(domain_)};
   command.insert(command.end(), arguments.begin(), arguments.end());
   processes_["standby/" + role] = Start(command);
 }
@@ -89,8 +90,9 @@ void DeploymentTest::Rename(const std::string& role, const std::string& name) {
 void DeploymentTest::WaitUntilMapping() {
   ASSERT_TRUE(watch().WaitUntil(
       [](const StatusWatch::Heard& heard) {
-        return heard.Figure("backend_mapper", "keyframes_taken") >= 3 && heard.Figure("atlas_server", "keyframes") >= 3 &&
-               heard.tracker && heard.tracker->state == TrackingState::kTracking;
+        return heard.Figure("backend_mapper", "keyframes_taken") >= 3 &&
+               heard.Figure("atlas_server", "keyframes") >= 3 && heard.tracker &&
+               heard.tracker->state == TrackingState::kTracking;
       },
       kProcessDeadline))
       << Logs();

@@ -31,7 +31,9 @@ class HangTest : public DeploymentTest {
   /// The tracker tracks so many frames more.
   void ExpectTrackingGoesOn(uint64_t frames) {
     const uint64_t goal = watch().heard().tracker->frame + frames;
-    ExpectSoon([&](const Heard& heard) { return heard.TrackerIsAt(goal) && heard.tracker->state == TrackingState::kTracking; });
+    ExpectSoon([&](const Heard& heard) {
+      return heard.TrackerIsAt(goal) && heard.tracker->state == TrackingState::kTracking;
+    });
   }
 };
 

@@ -1,4 +1,5 @@
-// A look around a room, a turn and a quarter: the last quarter sees what the first saw, and the loop is closed (paper Sec. 5).
+// A look around a room, a turn and a quarter: the last quarter sees what the first saw, and the loop is closed (paper
+// Sec. 5).
 
 #include <csignal>
 
@@ -35,7 +36,8 @@ TEST_F(LoopTest, IsClosedAlikeOnBothVendors) {
     ExpectAccurate(Room() + "/groundtruth.txt", Out() + "/trajectory.txt", kMaxErrorShare);
     const std::string trajectory = ReadWholeFile(Out() + "/trajectory.txt");
     if (first.empty()) first = trajectory;
-    EXPECT_TRUE(trajectory == first) << "lockstep waits for the loop_closer too: " << vendor;  // whole trajectories would be lines too long for colcon
+    // Whole trajectories would be lines too long for colcon.
+    EXPECT_TRUE(trajectory == first) << "lockstep waits for the loop_closer too: " << vendor;
   }
 }
 
@@ -48,7 +50,9 @@ TEST_F(LoopTest, IsNotLookedForWhereSwitchedOff) {
 
 TEST_F(LoopTest, IsClosedByALoopCloserThatCameInBetween) {
   StartAll({"--data", Room(), "--speed", "lockstep"});
-  ASSERT_TRUE(watch().WaitUntil([](const StatusWatch::Heard& heard) { return heard.TrackerIsAt(300); }, kProcessDeadline)) << Logs();
+  ASSERT_TRUE(
+      watch().WaitUntil([](const StatusWatch::Heard& heard) { return heard.TrackerIsAt(300); }, kProcessDeadline))
+      << Logs();
   Kill("loop_closer");
   StartRole("loop_closer");
   const Ended frontend = WaitForFrontend();

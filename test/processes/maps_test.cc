@@ -1,5 +1,5 @@
-// Many maps in one run (paper Sec. 3.4 and 6): a map that is full is left for one that overlaps it, a camera that sees nothing for a while is found
-// again where it was, and a saved atlas is gone on with.
+// Many maps in one run (paper Sec. 3.4 and 6): a map that is full is left for one that overlaps it, a camera that sees
+// nothing for a while is found again where it was, and a saved atlas is gone on with.
 
 #include <filesystem>
 
@@ -26,7 +26,8 @@ class MapsTest : public ProcessTest {
 
 TEST_F(MapsTest, AFullMapIsLeftForOneThatOverlapsIt) {
   for (const char* vendor : {"fastdds", "cyclonedds"}) {
-    ASSERT_NO_FATAL_FAILURE(Run({"--data", Sequence(), "--speed", "lockstep", "--dds", vendor, "--set", "tracker.max_map_keyframes=6"}));
+    ASSERT_NO_FATAL_FAILURE(
+        Run({"--data", Sequence(), "--speed", "lockstep", "--dds", vendor, "--set", "tracker.max_map_keyframes=6"}));
     EXPECT_GE(Summary("maps"), 2) << vendor;
     EXPECT_EQ(Summary("unlinked_maps"), 0) << vendor;
     EXPECT_GE(Summary("tracked"), static_cast<int>(NumFrames()) - 10) << vendor;

@@ -96,6 +96,12 @@ std::string ProcessTest::InPieces(const std::string& parts) {
   return folder;
 }
 
+std::string ProcessTest::InRounds(int rounds) {
+  std::string parts;
+  for (int i = 0; i < rounds; ++i) parts += (i == 0 ? "" : ",") + std::string("0-60,59-1");
+  return InPieces(parts);
+}
+
 std::string ProcessTest::Logs() const {
   std::string logs;
   for (const auto& entry : std::filesystem::recursive_directory_iterator(folder_.path())) {

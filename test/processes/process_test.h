@@ -53,6 +53,10 @@ class ProcessTest : public ::testing::Test {
   std::string CopyOfSequence() const;
   /// The street in pieces (see make_sequence.py). @return its folder.
   std::string InPieces(const std::string& parts);
+  /// The first piece of the street, there and back again and again: all is seen after one round, so that in lockstep no
+  /// frame is lost however busy the machine is. @return its folder.
+  std::string InRounds(int rounds);
+  static constexpr uint64_t kRound = 120;  ///< frames
   /// Everything that the programs wrote, for the message of a failure.
   std::string Logs() const;
 

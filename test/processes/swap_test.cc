@@ -1,4 +1,5 @@
-// A process leaves its place to one that stands by, or dies and the other takes it; the run goes on, and nothing is lost.
+// A process leaves its place to one that stands by, or dies and the other takes it; the run goes on, and nothing is
+// lost.
 
 #include <csignal>
 
@@ -15,18 +16,23 @@ enum : int { kOk = 0, kUnreachable = 3, kRefused = 4 };  // docs/tool.md
 class SwapTest : public DeploymentTest {
  protected:
   /// All four, and one that stands by, once the first of its role is there.
-  void StartAllAndStandby(const std::string& role, const std::vector<std::string>& arguments, const std::vector<std::string>& of_standby) {
+  void StartAllAndStandby(const std::string& role, const std::vector<std::string>& arguments,
+                          const std::vector<std::string>& of_standby) {
     StartRole("atlas_server");
     StartRole("backend_mapper", arguments);
     StartRole("loop_closer");
     ASSERT_TRUE(WaitUntil(role, [](const ProcessStatus&) { return true; })) << Logs();
     StartStandby(role, of_standby);
-    ASSERT_TRUE(WaitUntil("standby/" + role, [](const ProcessStatus& status) { return status.state == kStandbyState; })) << Logs();
-    StartRole("frontend_tracker", {"--data", Sequence(), "--speed", "0.35"});
-    ASSERT_TRUE(WaitUntil("backend_mapper", [](const ProcessStatus& status) { return FigureOf(status, "keyframes_taken") >= 4; })) << Logs();
-    const MapId map = StatusOf("backend_mapper").map;
-    ASSERT_TRUE(WaitUntil("standby/" + role, [&](const ProcessStatus& status) { return status.map == map && FigureOf(status, "keyframes") >= 3; }))
+    ASSERT_TRUE(WaitUntil("standby/" + role, [](const ProcessStatus& status) { return status.state == kStandbyState; }))
         << Logs();
+    StartRole("frontend_tracker", {"--data", Sequence(), "--speed", "0.35"});
+    ASSERT_TRUE(WaitUntil("backend_mapper", [](const ProcessStatus& status) {
+      return FigureOf(status, "keyframes_taken") >= 4;
+    })) << Logs();
+    const MapId map = StatusOf("backend_mapper").map;
+    ASSERT_TRUE(WaitUntil("standby/" + role, [&](const ProcessStatus& status) {
+      return status.map == map && FigureOf(status, "keyframes") >= 3;
+    })) << Logs();
   }
   /// As the tool prints it.
   nlohmann::json Swap(const std::string& role) {
@@ -42,11 +48,13 @@ class SwapTest : public DeploymentTest {
     for (const nlohmann::json& map : swap["maps"]) {
       EXPECT_TRUE(map.value("same", false)) << map;
       EXPECT_GE(map["before"]["keyframes"], 3) << map;
-      for (const char* what : {"keyframes", "points", "hash"}) EXPECT_EQ(map["before"][what], map["after"][what]) << map;
+      for (const char* what : {"keyframes", "points", "hash"})
+        EXPECT_EQ(map["before"][what], map["after"][what]) << map;
     }
   }
   void ExpectTookOver(const std::string& name, const std::string& state) {
-    EXPECT_TRUE(WaitUntil(name, [&](const ProcessStatus& status) { return status.state == state; })) << StatusOf(name).state << Logs();
+    EXPECT_TRUE(WaitUntil(name, [&](const ProcessStatus& status) { return status.state == state; }))
+        << StatusOf(name).state << Logs();
   }
   /// The frontend came to its end in one map; `names` are told to end, and do.
   void ExpectGoodEnd(const std::vector<std::string>& names) {
@@ -57,7 +65,9 @@ class SwapTest : public DeploymentTest {
     ExpectAccurate(Truth(), Out() + "/trajectory.txt", 0.01);
     EXPECT_EQ(Report("frontend_tracker")["maps"], 1);
   }
-  nlohmann::json StandbyReport(const std::string& name) const { return ReadReport(StandbyOut() + "/" + name + ".json"); }
+  nlohmann::json StandbyReport(const std::string& name) const {
+    return ReadReport(StandbyOut() + "/" + name + ".json");
+  }
 };
 
 TEST_F(SwapTest, AMapperLeavesItsPlaceToOneOfTheOtherVendor) {
@@ -70,11 +80,15 @@ TEST_F(SwapTest, AMapperLeavesItsPlaceToOneOfTheOtherVendor) {
   EXPECT_EQ(swap["maps"][0]["after"]["epoch"], first.epoch + 1);
   EXPECT_EQ(WaitFor("backend_mapper").code, 0) << Logs();
   EXPECT_GT(Report("backend_mapper")["keyframes_taken"], 0);
-  EXPECT_TRUE(watch().WaitUntil([&](const StatusWatch::Heard& heard) { return heard.TrackerIsAt(frame + 5); }, kProcessDeadline));
+  EXPECT_TRUE(watch().WaitUntil([&](const StatusWatch::Heard& heard) { return heard.TrackerIsAt(frame + 5); },
+                                kProcessDeadline));
   const size_t before = swap["maps"][0]["before"]["keyframes"];
-  EXPECT_TRUE(WaitUntil("standby/backend_mapper", [&](const ProcessStatus& status) {
-    return status.state == "mapping" && status.map == first.map && FigureOf(status, "keyframes") > static_cast<double>(before);
-  })) << "it goes on with the map" << Logs();
+  EXPECT_TRUE(WaitUntil("standby/backend_mapper",
+                        [&](const ProcessStatus& status) {
+                          return status.state == "mapping" && status.map == first.map &&
+                                 FigureOf(status, "keyframes") > static_cast<double>(before);
+                        }))
+      << "it goes on with the map" << Logs();
   EXPECT_EQ(StatusOf("standby/backend_mapper").vendor, "cyclonedds");
   ExpectGoodEnd({"standby/backend_mapper", "loop_closer", "atlas_server"});
   ExpectSameMaps(Report("atlas_server"), Report("loop_closer"));
@@ -148,10 +162,14 @@ TEST_F(SwapTest, WhatCannotBeIsRefusedWithTheReason) {
   expect_refused("mapper", "there is no backend_mapper");
   expect_refused("atlas_server", "no standby for the atlas_server");
   StartRole("backend_mapper");
-  ASSERT_TRUE(WaitUntil("backend_mapper", [](const ProcessStatus& status) { return status.state == "waiting for a map"; })) << Logs();
+  ASSERT_TRUE(WaitUntil("backend_mapper", [](const ProcessStatus& status) {
+    return status.state == "waiting for a map";
+  })) << Logs();
   expect_refused("mapper", "no standby for the backend_mapper of robot 0: start one with --standby");
   StartStandby("backend_mapper");
-  ASSERT_TRUE(WaitUntil("standby/backend_mapper", [](const ProcessStatus& status) { return status.state == kStandbyState; })) << Logs();
+  ASSERT_TRUE(WaitUntil("standby/backend_mapper", [](const ProcessStatus& status) {
+    return status.state == kStandbyState;
+  })) << Logs();
   // Without a map there is nothing to hold: the place passes on all the same.
   EXPECT_THAT(Tool({"swap", "mapper"}).output, HasSubstr("ok: backend_mapper of robot 0"));
   EXPECT_EQ(WaitFor("backend_mapper").code, 0) << Logs();

@@ -1,4 +1,7 @@
-// What the command line tool asks of a run that goes on: a robot that waits, one that changes no map, and then a map begun and fused by order.
+// What the command line tool asks of a run that goes on: maps begun, gone into and fused by order, a robot that waits,
+// and one that changes no map.
+
+#include <algorithm>
 
 #include "map/map_file.h"
 #include "processes/deployment.h"
@@ -11,8 +14,6 @@ using ::testing::HasSubstr;
 
 enum : int { kOk = 0, kRefused = 4, kInterrupted = 130 };  // docs/tool.md
 
-// A piece of the street, there and back again and again: all is seen by then, and in lockstep no frame is lost however long an answer takes.
-constexpr uint64_t kRound = 120;
 constexpr int kManyRounds = 40;  // more than all orders of a test take
 constexpr int kFewRounds = 3;    // to be driven to the end
 constexpr double kMaxErrorShare = 0.02;
@@ -22,9 +23,7 @@ class ToolRunTest : public DeploymentTest {
   void StartRun(const std::string& vendor, int rounds, const std::vector<std::string>& of_atlas = {}) {
     vendor_ = vendor;
     rounds_ = rounds;
-    std::string parts;
-    for (int i = 0; i < rounds; ++i) parts += (i == 0 ? "" : ",") + std::string("0-60,59-1");
-    data_ = InPieces(parts);
+    data_ = InRounds(rounds);
     std::vector<std::string> atlas_arguments = {"--dds", vendor};
     atlas_arguments.insert(atlas_arguments.end(), of_atlas.begin(), of_atlas.end());
     StartRole("atlas_server", atlas_arguments);
@@ -38,7 +37,9 @@ class ToolRunTest : public DeploymentTest {
   uint64_t Frame() { return watch().heard().tracker->frame; }
   void GoOnFor(uint64_t frames) {
     const uint64_t end = (watch().heard().tracker ? Frame() : 0) + frames;
-    ASSERT_TRUE(watch().WaitUntil([&](const StatusWatch::Heard& heard) { return heard.TrackerIsAt(end); }, kProcessDeadline)) << Logs();
+    ASSERT_TRUE(
+        watch().WaitUntil([&](const StatusWatch::Heard& heard) { return heard.TrackerIsAt(end); }, kProcessDeadline))
+        << Logs();
   }
   MapId TrackersMap() { return StatusOf("frontend_tracker").map; }
   void WaitUntilTracked(MapId map) {
@@ -46,7 +47,8 @@ class ToolRunTest : public DeploymentTest {
       return heard.tracker->state == TrackingState::kTracking && heard.tracker->map == map;
     };
     ASSERT_TRUE(watch().WaitUntil(is_tracked, kProcessDeadline)) << Logs();
-    ASSERT_TRUE(WaitUntil("frontend_tracker", [&](const ProcessStatus& status) { return status.map == map; })) << Logs();
+    ASSERT_TRUE(WaitUntil("frontend_tracker", [&](const ProcessStatus& status) { return status.map == map; }))
+        << Logs();
   }
   /// By order, while the camera is tracked in another. @return the new map.
   MapId BeginMap() {
@@ -54,7 +56,8 @@ class ToolRunTest : public DeploymentTest {
     Order({"new-map"});
     const auto is_elsewhere = [&](const ProcessStatus& status) { return status.map.IsValid() && status.map != before; };
     EXPECT_TRUE(WaitUntil("frontend_tracker", is_elsewhere)) << Logs();
-    EXPECT_TRUE(WaitUntil("atlas_server", [](const ProcessStatus& status) { return FigureOf(status, "links") == 1; })) << Logs();
+    EXPECT_TRUE(WaitUntil("atlas_server", [](const ProcessStatus& status) { return FigureOf(status, "links") == 1; }))
+        << Logs();
     return TrackersMap();
   }
   std::string Exported() const { return folder_.Path("exported.pmap"); }
@@ -67,7 +70,8 @@ class ToolRunTest : public DeploymentTest {
   /// The tracker is stopped by the user; the others end as they should.
   void EndRun() {
     EXPECT_EQ(Interrupt("frontend_tracker").code, kInterrupted) << Logs();
-    for (const char* role : {"backend_mapper", "loop_closer", "atlas_server"}) EXPECT_EQ(Interrupt(role).code, 0) << role;
+    for (const char* role : {"backend_mapper", "loop_closer", "atlas_server"})
+      EXPECT_EQ(Interrupt(role).code, 0) << role;
   }
 
   /// To a share of one way there, though the ground truth has all the rounds.
@@ -79,11 +83,83 @@ class ToolRunTest : public DeploymentTest {
   int rounds_ = 0;
 };
 
+size_t NumShared(const Map& map, const Map& other) {
+  return static_cast<size_t>(std::count_if(other.keyframes().begin(), other.keyframes().end(), [&](const auto& entry) {
+    return map.FindKeyFrame(entry.first) != nullptr;
+  }));
+}
+
+class ToolRunVendorsTest : public ToolRunTest, public ::testing::WithParamInterface<const char*> {};
+
+TEST_P(ToolRunVendorsTest, AMapIsBegunAndAnotherGoneIntoAndBothFused) {
+  StartRun(GetParam(), kManyRounds);
+  ASSERT_NO_FATAL_FAILURE(GoOnFor(kRound));
+  const MapId first = TrackersMap();
+  const MapId second = BeginMap();
+  const nlohmann::json graph = ToolJson({"graph", "--json"});
+  ASSERT_EQ(graph["links"].size(), 1u) << graph;
+  EXPECT_EQ(graph["links"][0]["origin"], "new_map");
+  ASSERT_NO_FATAL_FAILURE(GoOnFor(kRound));
+
+  Order({"activate", ToString(first)}, "ok: robot 0 is in map " + ToString(first));
+  ASSERT_NO_FATAL_FAILURE(WaitUntilTracked(first));
+  const Map into = Export(first), other = Export(second);
+  EXPECT_GE(other.keyframes().size(), 2u);
+  Order({"fuse", ToString(first), ToString(second)},
+        "ok: map " + ToString(second) + " is part of map " + ToString(first));
+  EXPECT_EQ(ToolJson({"maps", "--json"})["maps"].size(), 1u);
+  const Map fused = Export(first);
+  // Both saw the same piece of street: how many of the keyframes are redundant now is up to the mapper.
+  EXPECT_GT(NumShared(fused, into), 0u);
+  EXPECT_GT(NumShared(fused, other), 0u);
+  ASSERT_NO_FATAL_FAILURE(GoOnFor(10));
+  EXPECT_EQ(watch().heard().tracker->map, first);
+
+  EndRun();
+  const nlohmann::json tracker = Report("frontend_tracker"), atlas = Report("atlas_server");
+  for (const nlohmann::json& report : {tracker, atlas}) {
+    EXPECT_EQ(report["maps"], 1);
+    EXPECT_EQ(report["switches"], 1);
+    EXPECT_EQ(report["fusions"], 1);
+  }
+  EXPECT_EQ(tracker["refused_moves"], 0);
+  EXPECT_EQ(tracker["unlinked_maps"], 0);
+  ExpectAccurateRun();
+}
+
+INSTANTIATE_TEST_SUITE_P(Vendors, ToolRunVendorsTest, ::testing::Values("fastdds", "cyclonedds"),
+                         [](const auto& parameter) { return std::string(parameter.param); });
+
+/// The tracker has nothing to go by but what it sees.
+TEST_F(ToolRunTest, AMapFromAFileIsGoneIntoThoughNobodyKnowsWhereItLies) {
+  StartRun("fastdds", kManyRounds, {"--set", "atlas.join_maps=false"});
+  ASSERT_NO_FATAL_FAILURE(GoOnFor(kRound));
+  const MapId first = TrackersMap();
+  const Map map = Export(first);
+  const MapId second = BeginMap();
+  Order({"delete", ToString(first)});
+  EXPECT_EQ(ToolJson({"graph", "--json"})["links"].size(), 0u);
+  Order({"load", Exported()}, "ok: " + ToString(first));
+
+  Order({"activate", ToString(first)}, "ok: robot 0 is in map " + ToString(first));
+  ASSERT_NO_FATAL_FAILURE(WaitUntilTracked(first));
+  EXPECT_GT(NumShared(Export(first), map), 0u);
+  const nlohmann::json graph = ToolJson({"graph", "--json"});
+  EXPECT_EQ(graph["links"].size(), 1u) << graph << ": the frame with which it went over saw both";
+  EndRun();
+  EXPECT_EQ(Report("frontend_tracker")["switches"], 1);
+  EXPECT_EQ(Report("atlas_server")["switches"], 1);
+  EXPECT_EQ(Report("atlas_server")["map_hash"].count(ToString(second)), 1u) << "it is kept, dormant";
+  ExpectAccurateRun();
+}
+
 TEST_F(ToolRunTest, APausedRobotLosesNothingAndItsMapIsAdjusted) {
   StartRun("fastdds", kFewRounds);
   ASSERT_NO_FATAL_FAILURE(WaitUntilMapping());
   Order({"pause"});
-  ASSERT_TRUE(WaitUntil("frontend_tracker", [](const ProcessStatus& status) { return FigureOf(status, "paused") == 1; })) << Logs();
+  ASSERT_TRUE(WaitUntil("frontend_tracker", [](const ProcessStatus& status) {
+    return FigureOf(status, "paused") == 1;
+  })) << Logs();
   EXPECT_THAT(StatusOf("frontend_tracker").state, HasSubstr("paused, tracking"));
   const MapId map = TrackersMap();
   ExpectTool({"activate", ToString(map)}, kRefused, "paused");
@@ -92,7 +168,9 @@ TEST_F(ToolRunTest, APausedRobotLosesNothingAndItsMapIsAdjusted) {
   const double adjusted = FigureOf(StatusOf("loop_closer"), "global_ba");
 
   Order({"global-ba"}, "ok: the loop_closer of robot 0 adjusts map " + ToString(map));
-  EXPECT_TRUE(WaitUntil("loop_closer", [&](const ProcessStatus& status) { return FigureOf(status, "global_ba") > adjusted; })) << Logs();
+  EXPECT_TRUE(WaitUntil("loop_closer", [&](const ProcessStatus& status) {
+    return FigureOf(status, "global_ba") > adjusted;
+  })) << Logs();
   EXPECT_GT(ToolJson({"maps", "--json"})["maps"][0]["revision"], revision);
   EXPECT_EQ(Frame(), frame) << "nothing else has changed the map";
 
@@ -115,7 +193,9 @@ TEST_F(ToolRunTest, ARobotThatLocalisesOnlyChangesNoMap) {
   ASSERT_NO_FATAL_FAILURE(GoOnFor(kRound));
   const MapId first = TrackersMap();
   Order({"localize-only", "on"});
-  ASSERT_TRUE(WaitUntil("frontend_tracker", [](const ProcessStatus& status) { return FigureOf(status, "localization_only") == 1; })) << Logs();
+  ASSERT_TRUE(WaitUntil("frontend_tracker", [](const ProcessStatus& status) {
+    return FigureOf(status, "localization_only") == 1;
+  })) << Logs();
   EXPECT_THAT(StatusOf("frontend_tracker").state, HasSubstr("localization only"));
   ASSERT_NO_FATAL_FAILURE(GoOnFor(2));  // in lockstep all is done by then that was begun before
   const Map before = Export(first);
@@ -128,7 +208,9 @@ TEST_F(ToolRunTest, ARobotThatLocalisesOnlyChangesNoMap) {
   EXPECT_EQ(HashMap(after), HashMap(before));
 
   Order({"localize-only", "off"});
-  ASSERT_TRUE(WaitUntil("frontend_tracker", [](const ProcessStatus& status) { return FigureOf(status, "localization_only") == 0; })) << Logs();
+  ASSERT_TRUE(WaitUntil("frontend_tracker", [](const ProcessStatus& status) {
+    return FigureOf(status, "localization_only") == 0;
+  })) << Logs();
   const MapId second = BeginMap();
   ASSERT_NO_FATAL_FAILURE(GoOnFor(kRound));
   Order({"fuse", "1", "2"}, "ok: map " + ToString(second) + " is part of map " + ToString(first));

@@ -1,5 +1,6 @@
-// portolan_run_witness: listens to the deltas of a run beside it and writes down which keyframes came into maps and went from them by their owners' word,
-// so that a script can tell afterwards whether any was lost. Until SIGINT or SIGTERM.
+// portolan_run_witness: listens to the deltas of a run beside it and writes down which keyframes came into maps and
+// went from them by their owners' word, so that a script can tell afterwards whether any was lost. Until SIGINT or
+// SIGTERM.
 //
 //   delta MAP EPOCH BASE REVISION [+KEYFRAME ...] [-KEYFRAME ...]
 
@@ -8,6 +9,7 @@
 #include <string>
 #include <utility>
 
+#include "base/command_line.h"
 #include "map/map_delta.h"
 #include "transport/bus.h"
 #include "transport/process_loop.h"
@@ -16,11 +18,11 @@ namespace portolan {
 namespace {
 
 constexpr size_t kLoopCapacity = 16384;  // a witness that misses something is none
-constexpr int kExitFailure = 1, kExitUsage = 2;
+constexpr int kExitFailure = 1;
 
 void WriteDown(const MapDelta& delta, std::FILE* file) {
-  std::string line = "delta " + ToString(delta.map) + " " + std::to_string(delta.epoch) + " " + std::to_string(delta.base_revision) + " " +
-                     std::to_string(delta.revision);
+  std::string line = "delta " + ToString(delta.map) + " " + std::to_string(delta.epoch) + " " +
+                     std::to_string(delta.base_revision) + " " + std::to_string(delta.revision);
   for (const MapDelta::KeyFrameState& state : delta.keyframes) line += " +" + ToString(state.id);
   for (const MapDelta::RemovedKeyFrame& removed : delta.removed_keyframes) line += " -" + ToString(removed.id);
   std::fprintf(file, "%s\n", line.c_str());
@@ -56,15 +58,12 @@ int Main(int argc, char** argv) {
   app.add_option("--dds", vendor, "fastdds or cyclonedds")->capture_default_str();
   app.add_option("--partition", options.partition, "of the run")->capture_default_str();
   app.add_option("--out", out, "file to write")->required();
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : kExitUsage;
-  }
+  if (const auto code = ParseCommandLine(&app, argc, argv)) return *code;
   const auto parsed = ParseDdsVendor(vendor);
   std::FILE* file = parsed ? std::fopen(out.c_str(), "w") : nullptr;
   if (file == nullptr) {
-    std::fprintf(stderr, "portolan_run_witness: %s\n", parsed ? (out + " can't be written").c_str() : parsed.error().message.c_str());
+    std::fprintf(stderr, "portolan_run_witness: %s\n",
+                 parsed ? (out + " can't be written").c_str() : parsed.error().message.c_str());
     return kExitUsage;
   }
   options.vendor = *parsed;
@@ -76,4 +75,6 @@ int Main(int argc, char** argv) {
 }  // namespace
 }  // namespace portolan
 
-int main(int argc, char** argv) { return portolan::Main(argc, argv); }
+int main(int argc, char** argv) {
+  return portolan::Main(argc, argv);
+}
