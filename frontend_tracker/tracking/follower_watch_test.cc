@@ -40,18 +40,18 @@ TEST(FollowerWatch, WaitsWhileOneIsBusy) {
 TEST(FollowerWatch, NotForOneThatIsGone) {
   FollowerWatch watch;
   watch.OnState(StateOf(kAtlas, kFirst, true), 0);
-  EXPECT_FALSE(watch.AreDone(kSecond, 2.9));
-  EXPECT_TRUE(watch.AreDone(kSecond, 3.1));
+  EXPECT_FALSE(watch.AreDone(kSecond, FollowerWatch::kPatienceS - 0.1));
+  EXPECT_TRUE(watch.AreDone(kSecond, FollowerWatch::kPatienceS + 0.1));
 }
 
 TEST(FollowerWatch, NotForOneThatGetsNoFurther) {
   FollowerWatch watch;
-  for (double now_s = 0; now_s <= 5; ++now_s) {
+  for (double now_s = 0; now_s <= FollowerWatch::kStalledS; ++now_s) {
     watch.OnState(StateOf(kAtlas, kFirst), now_s);
     EXPECT_FALSE(watch.AreDone(kSecond, now_s));
   }
-  watch.OnState(StateOf(kAtlas, kFirst), 6);
-  EXPECT_TRUE(watch.AreDone(kSecond, 6));
+  watch.OnState(StateOf(kAtlas, kFirst), FollowerWatch::kStalledS + 1);
+  EXPECT_TRUE(watch.AreDone(kSecond, FollowerWatch::kStalledS + 1));
 }
 
 TEST(FollowerWatch, NotForOneThatCameInBetween) {
