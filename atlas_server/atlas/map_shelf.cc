@@ -1,6 +1,9 @@
 #include "atlas/map_shelf.h"
 
 #include <algorithm>
+#include <atomic>
+#include <future>
+#include <utility>
 
 namespace portolan {
 namespace {
@@ -23,11 +26,19 @@ std::shared_ptr<const KeyFrameData> MapShelf::Complete(KeyFrameData data, BowVec
   return std::make_shared<const KeyFrameData>(std::move(data));
 }
 
-void MapShelf::AddKeyFrame(MapId map, KeyFrameData data) {
+bool MapShelf::HasKeyFrame(MapId map, KeyFrameId keyframe) const {
   const auto replica = maps().find(map);
-  if (replica != maps().end() && replica->second.FindKeyFrameData(data.id) != nullptr) return;
+  return replica != maps().end() && replica->second.FindKeyFrameData(keyframe) != nullptr;
+}
+
+void MapShelf::AddKeyFrame(MapId map, KeyFrameData data) {
+  if (HasKeyFrame(map, data.id)) return;
   BowVector bow;
   const auto complete = Complete(std::move(data), &bow);
+  Put(map, complete, std::move(bow));
+}
+
+void MapShelf::Put(MapId map, const std::shared_ptr<const KeyFrameData>& complete, BowVector bow) {
   bags_[complete->id] = std::make_shared<const BowVector>(std::move(bow));
   replicas_.AddKeyFrameData(map, complete);
   NoteAppearance(map, *complete);
@@ -37,10 +48,25 @@ void MapShelf::AddKeyFrame(MapId map, KeyFrameData data) {
 void MapShelf::TakeIn(StoredMap map, bool is_stored, const std::function<void()>& note_keyframe) {
   const MapId id = map.snapshot.map;
   replicas_.AddDelta(std::move(map.snapshot));  // first: data that nothing waits for would not be kept
-  for (KeyFrameData& data : map.keyframes) {
-    const KeyFrameId keyframe = data.id;
-    AddKeyFrame(id, std::move(data));
-    if (is_stored) OnStored(keyframe);
+  auto& keyframes = map.keyframes;
+  const auto is_known = [&](const KeyFrameData& data) { return HasKeyFrame(id, data.id); };
+  keyframes.erase(std::remove_if(keyframes.begin(), keyframes.end(), is_known), keyframes.end());
+  // Words take most of the time: this thread and another find them.
+  std::vector<std::shared_ptr<const KeyFrameData>> complete(keyframes.size());
+  std::vector<BowVector> bags(keyframes.size());
+  std::atomic<size_t> next{0};
+  const auto complete_all = [&](const std::function<void()>& note) {
+    for (size_t i = next++; i < keyframes.size(); i = next++) {
+      complete[i] = Complete(std::move(keyframes[i]), &bags[i]);
+      if (note) note();
+    }
+  };
+  const auto other = std::async(std::launch::async, complete_all, nullptr);
+  complete_all(note_keyframe);
+  other.wait();
+  for (size_t i = 0; i < complete.size(); ++i) {
+    Put(id, complete[i], std::move(bags[i]));
+    if (is_stored) OnStored(complete[i]->id);
     if (note_keyframe) note_keyframe();
   }
 }

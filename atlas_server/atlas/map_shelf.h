@@ -45,7 +45,7 @@ class MapShelf {
   /// No effect if the keyframe is known.
   void AddKeyFrame(MapId map, KeyFrameData data);
   /// A whole map, whose state waits for ApplyPending(). @param is_stored whether descriptors may go. @param
-  /// note_keyframe is called after each keyframe, as many take seconds; may be null.
+  /// note_keyframe is called once a keyframe and more, as many take seconds; may be null.
   void TakeIn(StoredMap map, bool is_stored, const std::function<void()>& note_keyframe);
   ReplicaSet& replicas() { return replicas_; }
   const ReplicaSet& replicas() const { return replicas_; }
@@ -60,7 +60,7 @@ class MapShelf {
   /// Maps that have keyframes, in the order given; unknown ones are passed over.
   std::vector<OtherMap> Others(const std::vector<MapId>& order) const;
 
-  /// The data of a keyframe with words and direct index.
+  /// The data of a keyframe with words and direct index. Thread-safe.
   std::shared_ptr<const KeyFrameData> Complete(KeyFrameData data, BowVector* bow) const;
 
   /// Its descriptors may go from now on.
@@ -99,6 +99,9 @@ class MapShelf {
   };
   using Appearances = std::list<Appearance>;
 
+  bool HasKeyFrame(MapId map, KeyFrameId keyframe) const;
+  /// What Complete() made of a keyframe that is new to the map.
+  void Put(MapId map, const std::shared_ptr<const KeyFrameData>& complete, BowVector bow);
   void NoteAppearance(MapId map, const KeyFrameData& data);
   void Touch(KeyFrameId keyframe);
   void ForgetAppearance(KeyFrameId keyframe);

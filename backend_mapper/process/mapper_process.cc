@@ -52,7 +52,10 @@ MapperProcess::~MapperProcess() {
 void MapperProcess::ConnectReaders() {
   readers_.push_back(bus_->CreateReader<KeyFrameMessage>([this](KeyFrameMessage message) {
     if (message.kind == KeyFrameKind::kQuery) return;  // the atlas_server's
-    const int waits = message.kind == KeyFrameKind::kCopy ? 0 : 1;
+    // Another robot's, in another's map, is no work that tracking waits for.
+    const RobotId robot = setup_.options.robot;
+    const bool is_mine = message.data.id.robot() == robot || message.map.robot() == robot;
+    const int waits = message.kind == KeyFrameKind::kCopy || !is_mine ? 0 : 1;
     const auto received = Clock::now();
     const size_t held_bytes = HeldBytes(message);
     keyframes_waiting_ += waits;
@@ -61,6 +64,7 @@ void MapperProcess::ConnectReaders() {
           keyframes_waiting_ -= waits;
           process_times_.Add("queue_wait", std::chrono::duration<double, std::milli>(Clock::now() - received).count());
           OnKeyFrame(message);
+          TellIdle();
         },
         held_bytes);
     if (!is_queued) keyframes_waiting_ -= waits;  // the tracker sends it again
@@ -292,6 +296,11 @@ void MapperProcess::PublishState(bool idle) {
   state_.idle = idle;
   state_.queue_depth = static_cast<uint32_t>(std::max(0, keyframes_waiting_.load()));
   state_writer_->Write(state_);
+}
+
+/// The last keyframe taken in left others waiting, none of which was work.
+void MapperProcess::TellIdle() {
+  if (!state_.idle && keyframes_waiting_ == 0 && !is_standby_ && !IsDrained()) PublishState(true);
 }
 
 void MapperProcess::OnSnapshotRequest(const SnapshotRequest& request) {

@@ -83,6 +83,7 @@ class MapperProcess {
   void AdaptMaps();
   void PublishDelta(const MapDelta& delta);
   void PublishState(bool idle);
+  void TellIdle();
   void Register();
 
   const ProcessSetup& setup_;

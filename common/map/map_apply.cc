@@ -2,7 +2,9 @@
 
 #include <set>
 #include <string>
+#include <unordered_map>
 #include <utility>
+#include <vector>
 
 #include "base/check.h"
 #include "map/delta_check.h"
