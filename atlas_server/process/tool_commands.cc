@@ -69,8 +69,11 @@ Status ShowStatus(ToolSession* session, const ToolArguments& arguments) {
     const double now_s = ToolSession::Now();
     Print(arguments.json ? book.ToJson(now_s).dump(arguments.watch ? -1 : 2) + "\n" : book.Format(now_s));
   };
-  // The whole time: nobody knows how many there are, and one may be discovered seconds after the others.
-  session->Listen(kRatesS, [] { return false; });
+  // Nobody knows how many there are, and one may be discovered seconds after the others: until none was for so long.
+  size_t heard = 0;
+  do {
+    heard = book.size();
+  } while (session->Listen(kRatesS, [&] { return book.size() > heard; }));
   show();
   while (arguments.watch) {
     session->Listen(kRefreshS, [] { return false; });

@@ -49,12 +49,17 @@ MapperProcess::~MapperProcess() {
   readers_.clear();
 }
 
+/// Whether what a robot's tracker says of a map may be for this mapper: of its own robot, or of another that is in a
+/// map which its own began. For the readers' threads, which don't know what it owns.
+bool MapperProcess::Concerns(RobotId robot, MapId map) const {
+  return robot == setup_.options.robot || map.robot() == setup_.options.robot;
+}
+
 void MapperProcess::ConnectReaders() {
   readers_.push_back(bus_->CreateReader<KeyFrameMessage>([this](KeyFrameMessage message) {
     if (message.kind == KeyFrameKind::kQuery) return;  // the atlas_server's
     // Another robot's, in another's map, is no work that tracking waits for.
-    const RobotId robot = setup_.options.robot;
-    const bool is_mine = message.data.id.robot() == robot || message.map.robot() == robot;
+    const bool is_mine = Concerns(message.data.id.robot(), message.map);
     const int waits = message.kind == KeyFrameKind::kCopy || !is_mine ? 0 : 1;
     const auto received = Clock::now();
     const size_t held_bytes = HeldBytes(message);
@@ -72,7 +77,7 @@ void MapperProcess::ConnectReaders() {
   // The paper's signal "stop the time-consuming map optimization" (Sec. 3.3): beside the queue, or it would wait for
   // what it is to stop.
   readers_.push_back(bus_->CreateReader<TrackerState>([this](TrackerState state) {
-    if (state.interrupt_mapper && state.process.robot() == setup_.options.robot) stop_optimisation_ = true;
+    if (state.interrupt_mapper && Concerns(state.process.robot(), state.map)) stop_optimisation_ = true;
   }));
   const auto post = [this](auto handle) {
     return [this, handle](auto message) {
@@ -298,9 +303,10 @@ void MapperProcess::PublishState(bool idle) {
   state_writer_->Write(state_);
 }
 
-/// The last keyframe taken in left others waiting, none of which was work.
+/// The last keyframe taken in left others waiting, and none of them was work.
 void MapperProcess::TellIdle() {
-  if (!state_.idle && keyframes_waiting_ == 0 && !is_standby_ && !IsDrained()) PublishState(true);
+  const bool seems_busy = state_.map.IsValid() && !state_.idle && !is_standby_ && !IsDrained();
+  if (seems_busy && keyframes_waiting_ == 0) PublishState(true);
 }
 
 void MapperProcess::OnSnapshotRequest(const SnapshotRequest& request) {
@@ -337,6 +343,7 @@ void MapperProcess::OnCorrection(const MapCorrection& correction) {
 
 void MapperProcess::OnTick() {
   status_.AssertLiveliness();
+  TellIdle();  // a keyframe may have been lost to a full queue
   ContinueTakeovers();
   FollowOwner();
   ContinueDrain();

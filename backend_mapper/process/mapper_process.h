@@ -84,6 +84,7 @@ class MapperProcess {
   void PublishDelta(const MapDelta& delta);
   void PublishState(bool idle);
   void TellIdle();
+  bool Concerns(RobotId robot, MapId map) const;
   void Register();
 
   const ProcessSetup& setup_;
