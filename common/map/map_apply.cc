@@ -190,6 +190,7 @@ void Map::ApplyObservations(const MapDelta& delta) {
   if (is_whole) FillCovisibility();
 }
 
+/// From all observations; there are no neighbours yet.
 void Map::FillCovisibility() {
   std::vector<KeyFrameId> ids;
   std::unordered_map<KeyFrameId, uint32_t> places;

@@ -13,9 +13,8 @@ namespace portolan {
 /// steady clock.
 class KeyFrameResend {
  public:
-  /// Many times what a mapper takes for a keyframe; doubled with each time it is sent again,.
-  static constexpr double kPatienceS = 2.0;
-  static constexpr double kMostPatienceS = 16.0;  ///< up to this
+  /// Many times what a mapper takes for a keyframe; doubled with each time it is sent again, up to kMostPatienceS.
+  static constexpr double kPatienceS = 2.0, kMostPatienceS = 16.0;
   /// With the mapper heard of and readers that don't acknowledge: one of them has stopped.
   static constexpr double kUndeliveredS = 10.0;
   static constexpr int kMaxTimes = 4;   ///< for one that is not awaited: its map may be nobody's any more
