@@ -1,8 +1,14 @@
 #!/usr/bin/env bash
 # Installs the Debian packages of apt_packages.txt that are missing. Quick when there is nothing to do.
+# usage: install_dependencies.sh [--with NAME]   also those that are listed as "NAME: package"
 set -euo pipefail
+with=""
+if [ "${1-}" = --with ] && [ $# -eq 2 ]; then with=$2; elif [ $# -gt 0 ]; then
+  echo "install_dependencies.sh: expected nothing or --with NAME" >&2
+  exit 2
+fi
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
-mapfile -t wanted < <(sed -e 's/#.*//' -e 's/[[:space:]]//g' -e '/^$/d' "$here/apt_packages.txt")
+mapfile -t wanted < <(sed -e 's/#.*//' -e 's/[[:space:]]//g' ${with:+-e "s/^$with://"} -e '/:/d' -e '/^$/d' "$here/apt_packages.txt")
 
 missing=()
 for package in "${wanted[@]}"; do

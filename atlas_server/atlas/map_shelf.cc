@@ -170,8 +170,7 @@ bool MapShelf::EnsureAppearance(const Map& map, const std::vector<KeyFrameId>& k
       ++load_failures_;
       continue;
     }
-    BowVector bow;
-    const auto complete = Complete(std::move(*data), &bow);
+    const auto complete = Complete(std::move(*data), nullptr);
     replicas_.RestoreAppearance(map.id(), complete);
     NoteAppearance(map.id(), *complete);
   }

@@ -60,7 +60,7 @@ class MapShelf {
   /// Maps that have keyframes, in the order given; unknown ones are passed over.
   std::vector<OtherMap> Others(const std::vector<MapId>& order) const;
 
-  /// The data of a keyframe with words and direct index. Thread-safe.
+  /// The data of a keyframe with direct index, and its words unless `bow` is null. Thread-safe.
   std::shared_ptr<const KeyFrameData> Complete(KeyFrameData data, BowVector* bow) const;
 
   /// Its descriptors may go from now on.

@@ -129,6 +129,7 @@ class Map {
   void ApplyRemovals(const MapDelta& delta);
   void TakeMissingDescriptors(const Map& from);
   void ApplyObservations(const MapDelta& delta);
+  void PutAllObservations(const MapDelta& delta);
   void FillCovisibility();
   static constexpr uint8_t kGeometryStale = 1, kDescriptorStale = 2;
   void MarkStale(MapPoint* point, uint8_t what);

@@ -138,6 +138,7 @@ void Map::ApplyChecked(const MapDelta& delta, const FindData& find_data) {
     SetPose(state.id, state.camera_from_map);
     MutableKeyFrame(state.id).parent = state.parent;  // may come after its child in the delta
   }
+  if (delta.IsSnapshot()) points_.reserve(delta.points.size());
   for (const auto& state : delta.points) {
     MapPoint& point = points_[state.id];
     point.id = state.id;
@@ -170,6 +171,7 @@ void Map::ApplyRemovals(const MapDelta& delta) {
 }
 
 void Map::ApplyObservations(const MapDelta& delta) {
+  if (delta.IsSnapshot()) return PutAllObservations(delta);
   // Removals first: a feature may pass from one landmark to another within a delta.
   for (const auto& o : delta.observations) {
     MapPoint& point = points_.at(o.point);
@@ -177,17 +179,23 @@ void Map::ApplyObservations(const MapDelta& delta) {
     if (seen == nullptr || static_cast<int64_t>(seen->feature) == o.feature) continue;
     UnlinkObservation(&point, static_cast<size_t>(seen - point.observations.data()));
   }
-  // A whole map's neighbours are counted at once, at its end: pair by pair that takes seconds for a thousand keyframes.
-  const bool is_whole = covisibility_.IsEmpty();
   for (const auto& o : delta.observations) {
     MapPoint& point = points_.at(o.point);
     if (o.feature < 0 || point.FindObservation(o.keyframe) != nullptr) continue;
-    if (is_whole)
-      PutObservation(&point, o.keyframe, static_cast<uint32_t>(o.feature));
-    else
-      LinkObservation(&point, o.keyframe, static_cast<uint32_t>(o.feature));
+    LinkObservation(&point, o.keyframe, static_cast<uint32_t>(o.feature));
   }
-  if (is_whole) FillCovisibility();
+}
+
+/// Of a whole map, which has none yet. Its neighbours are counted at once, at its end: pair by pair that takes seconds
+/// for a thousand keyframes.
+void Map::PutAllObservations(const MapDelta& delta) {
+  MapPoint* point = nullptr;  // those of a point come one after another, as owners send them
+  for (const auto& o : delta.observations) {
+    if (o.feature < 0) continue;
+    if (point == nullptr || point->id != o.point) point = &points_.at(o.point);
+    PutObservation(point, o.keyframe, static_cast<uint32_t>(o.feature));
+  }
+  FillCovisibility();
 }
 
 /// From all observations; there are no neighbours yet.

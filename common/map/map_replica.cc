@@ -69,10 +69,10 @@ void MapReplica::AddDelta(MapDelta delta) {
   }
   // Ordered by revision, so that what was overtaken on the way falls into place.
   const auto after =
-      std::upper_bound(waiting_.begin(), waiting_.end(), delta, [](const MapDelta& a, const MapDelta& b) {
-        return std::make_pair(a.epoch, a.revision) < std::make_pair(b.epoch, b.revision);
+      std::upper_bound(waiting_.begin(), waiting_.end(), delta, [](const MapDelta& a, const Waiting& b) {
+        return std::make_pair(a.epoch, a.revision) < std::make_pair(b.delta.epoch, b.delta.revision);
       });
-  waiting_.insert(after, std::move(delta));
+  waiting_.insert(after, {std::move(delta)});
 }
 
 bool MapReplica::IsOutdated(const MapDelta& delta) {
@@ -112,15 +112,28 @@ bool MapReplica::TryApply(MapDelta* delta, const Map::FindData& elsewhere) {
   return true;
 }
 
+/// A snapshot has come. What was overtaken by it is outdated, what follows it fits: the rest waits in vain, unless the
+/// snapshot was made, for someone else, before what is missing. That is not so time and again.
+void MapReplica::GiveUpOutlived() {
+  for (Waiting& waiting : waiting_) ++waiting.snapshots_outlived;
+  const auto is_vain = [](const Waiting& waiting) { return waiting.snapshots_outlived >= kMaxOutlived; };
+  const auto vain = std::remove_if(waiting_.begin(), waiting_.end(), is_vain);
+  counters_.rejected += static_cast<uint64_t>(waiting_.end() - vain);
+  waiting_.erase(vain, waiting_.end());
+}
+
 std::vector<MapDelta> MapReplica::ApplyPending(const Map::FindData& elsewhere) {
   std::vector<MapDelta> applied;
+  bool snapshot_came = false;
   needs_snapshot_ = false;
   for (auto next = waiting_.begin(); next != waiting_.end();) {
-    if (IsOutdated(*next)) {
+    if (IsOutdated(next->delta)) {
+      snapshot_came |= next->delta.IsSnapshot();
       next = waiting_.erase(next);
-    } else if (Fits(*next) && TryApply(&*next, elsewhere)) {
+    } else if (Fits(next->delta) && TryApply(&next->delta, elsewhere)) {
+      snapshot_came |= next->delta.IsSnapshot();
       needs_snapshot_ = false;
-      applied.push_back(std::move(*next));
+      applied.push_back(std::move(next->delta));
       waiting_.erase(next);
       next = waiting_.begin();
     } else {
@@ -128,6 +141,8 @@ std::vector<MapDelta> MapReplica::ApplyPending(const Map::FindData& elsewhere) {
       ++next;
     }
   }
+  if (snapshot_came) GiveUpOutlived();
+  needs_snapshot_ = needs_snapshot_ && !waiting_.empty();
   if (needs_snapshot_) ++counters_.gaps;
   return applied;
 }

@@ -39,7 +39,8 @@ class MapReplica {
   /// Forgets data that is not in the map.
   void DropKeyFrameData(KeyFrameId id);
 
-  /// Queues a delta (bounded; see kMaxWaiting).
+  /// Queues a delta (bounded; see kMaxWaiting). One that several whole states of the map were no help to is given up:
+  /// what it builds on is not the owner's, or comes with the next state.
   void AddDelta(MapDelta delta);
   /// Applies what can be applied now. @return the deltas applied, in order: for what hangs on the map (tracker's
   /// matches, anchors). A snapshot lists as removed the keyframes that the replica had and it has not.
@@ -62,14 +63,21 @@ class MapReplica {
   size_t waiting() const { return waiting_.size(); }
 
  private:
+  struct Waiting {
+    MapDelta delta;
+    int snapshots_outlived = 0;  ///< states of the map that came meanwhile, and it still did not fit
+  };
   bool IsOutdated(const MapDelta& delta);
   bool Fits(const MapDelta& delta) const;
   bool TryApply(MapDelta* delta, const Map::FindData& elsewhere);
 
+  void GiveUpOutlived();
+
   static constexpr size_t kMaxWaiting = 256;
+  static constexpr int kMaxOutlived = 4;
   Map map_;
   std::map<KeyFrameId, std::shared_ptr<const KeyFrameData>> data_;
-  std::deque<MapDelta> waiting_;
+  std::deque<Waiting> waiting_;
   bool needs_snapshot_ = false;
   std::string last_problem_;
   Counters counters_;

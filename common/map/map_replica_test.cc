@@ -210,6 +210,36 @@ TEST_F(ReplicaTest, DeltaOfAnotherMapIsRejected) {
   EXPECT_EQ(replica_.waiting(), 0u);
 }
 
+TEST_F(ReplicaTest, GivesUpADeltaThatWholeStatesAreNoHelpTo) {
+  GiveAll(MakeDeltas(2));
+  MapDelta ahead = MakeDeltas(1)[0];
+  ahead.base_revision += 1000;  // of nobody who owns the map
+  ahead.revision += 1000;
+  replica_.AddDelta(ahead);
+  static_cast<void>(replica_.ApplyPending());
+  for (int i = 0; i < 4; ++i) {
+    EXPECT_TRUE(replica_.NeedsSnapshot());
+    GiveAll({owner_.Snapshot()});
+  }
+  ExpectInStep();
+  EXPECT_EQ(replica_.counters().rejected, 1u);
+  GiveAll(MakeDeltas(3));
+  ExpectInStep();
+}
+
+TEST_F(ReplicaTest, WhatFollowsASnapshotThatCameLateIsKept) {
+  const std::vector<MapDelta> before = MakeDeltas(2);
+  const MapDelta snapshot = owner_.Snapshot();
+  const std::vector<MapDelta> after = MakeDeltas(5);
+  GiveData();
+  for (const MapDelta& delta : after) replica_.AddDelta(delta);
+  static_cast<void>(replica_.ApplyPending());
+  EXPECT_EQ(replica_.waiting(), after.size());
+  replica_.AddDelta(snapshot);
+  EXPECT_EQ(replica_.ApplyPending().size(), 1 + after.size());
+  ExpectInStep();
+}
+
 TEST_F(ReplicaTest, DropsOnlyDataThatIsNotInTheMap) {
   GiveAll(MakeDeltas(2));
   const KeyFrameId in_map = replica_.map().keyframes().begin()->first;

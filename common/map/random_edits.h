@@ -28,8 +28,8 @@ class RandomEdits {
   };
   static constexpr int kNumKinds = 10;
 
-  /// Begins the map with two keyframes and a few points.
-  RandomEdits(uint64_t seed, Map* map) : random_(seed), map_(*map) {
+  /// Begins the map with two keyframes and a few points. @param session of all ids.
+  RandomEdits(uint64_t seed, Map* map, uint32_t session = 1) : random_(seed), map_(*map), session_(session) {
     AddKeyFrame();
     AddKeyFrame();
     for (int i = 0; i < 5; ++i) AddPoint();
@@ -115,14 +115,14 @@ class RandomEdits {
   static constexpr size_t kEnough = 10;  // points that random removals leave
 
   void AddKeyFrame() {
-    const KeyFrameId id(0, 1, ++last_keyframe_);
+    const KeyFrameId id(0, session_, ++last_keyframe_);
     data_[id] = MakeData(id, &random_);
     const KeyFrameId parent = map_.keyframes().empty() ? KeyFrameId() : SomeKeyFrame();
     map_.AddKeyFrame(data_[id], SomePose(), parent);
   }
 
   void AddPoint() {
-    const MapPointId id(0, 1, ++last_point_);
+    const MapPointId id(0, session_, ++last_point_);
     map_.AddPoint(id, SomePosition());
     for (int tries = 0; tries < 8; ++tries) map_.AddObservation(id, SomeKeyFrame(), SomeFeature());
     if (map_.point(id).observations.size() < 2) map_.RemovePoint(id);
@@ -157,6 +157,7 @@ class RandomEdits {
 
   Random random_;
   Map& map_;
+  uint32_t session_;
   std::map<KeyFrameId, std::shared_ptr<const KeyFrameData>> data_;
   uint32_t last_keyframe_ = 0, last_point_ = 0;
 };

@@ -1,10 +1,14 @@
 #include "map/replica_set.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 namespace portolan {
 namespace {
+
+/// Requests in a row after which the interval between them does not grow any more.
+constexpr int kMaxRequestsCounted = 100;
 
 /// Whether a condition has held for longer than the patience; `since` keeps when it began.
 bool HeldFor(bool condition, double patience_s, double now_s, std::optional<double>* since) {
@@ -15,8 +19,29 @@ bool HeldFor(bool condition, double patience_s, double now_s, std::optional<doub
 
 }  // namespace
 
-MapReplica& ReplicaSet::Replica(MapId map) {
-  return replicas_.try_emplace(map, map).first->second;
+MapReplica* ReplicaSet::Replica(MapId map) {
+  const auto known = replicas_.find(map);
+  if (known != replicas_.end()) {
+    watches_[map].last_heard = ++heard_;
+    return &known->second;
+  }
+  if (replicas_.size() >= kMaxMaps) {
+    ++refused_;
+    return nullptr;
+  }
+  ForgetLongestUnheardEmptyMap();
+  watches_[map].last_heard = ++heard_;
+  return &replicas_.try_emplace(map, map).first->second;
+}
+
+/// If there are as many as there may be.
+void ReplicaSet::ForgetLongestUnheardEmptyMap() {
+  std::vector<std::pair<uint64_t, MapId>> empty;
+  for (const auto& [id, replica] : replicas_) {
+    if (replica.map().revision() == 0) empty.emplace_back(watches_[id].last_heard, id);
+  }
+  if (empty.size() < kMaxEmptyMaps) return;
+  Forget(std::min_element(empty.begin(), empty.end())->second);
 }
 
 /// In any map: whoever looks knows that it is not in its own.
@@ -69,12 +94,13 @@ void ReplicaSet::Remove(MapId map, MapId taken_into) {
 
 void ReplicaSet::AddKeyFrameData(MapId map, std::shared_ptr<const KeyFrameData> data) {
   if (IsRemoved(map, 0)) return;  // one that comes back begins with a delta or an announcement
-  MapReplica& replica = Replica(map);
-  replica.AddKeyFrameData(std::move(data));
+  MapReplica* replica = Replica(map);
+  if (replica == nullptr) return;
+  replica->AddKeyFrameData(std::move(data));
   const bool expects_snapshot =
-      replica.waiting() > 0 || IsBehind(replica.map(), watches_[map]);  // with the data ahead of it
-  if (!expects_snapshot && replica.keyframe_data().size() > replica.map().keyframes().size() + kMaxUnusedData)
-    DropUnusedData(&replica);
+      replica->waiting() > 0 || IsBehind(replica->map(), watches_[map]);  // with the data ahead of it
+  if (!expects_snapshot && replica->keyframe_data().size() > replica->map().keyframes().size() + kMaxUnusedData)
+    DropUnusedData(replica);
 }
 
 void ReplicaSet::DropUnusedData(MapReplica* replica) {
@@ -89,7 +115,7 @@ void ReplicaSet::AddDelta(MapDelta delta) {
   const MapId map = delta.map;
   if (IsRemoved(map, delta.epoch)) return;
   removed_.erase(map);
-  Replica(map).AddDelta(std::move(delta));
+  if (MapReplica* replica = Replica(map)) replica->AddDelta(std::move(delta));
 }
 
 void ReplicaSet::AddChunk(MapDeltaChunk chunk) {
@@ -99,7 +125,7 @@ void ReplicaSet::AddChunk(MapDeltaChunk chunk) {
 void ReplicaSet::Announce(MapId map, Epoch epoch, Revision revision) {
   if (IsRemoved(map, epoch)) return;
   removed_.erase(map);
-  Replica(map);
+  if (Replica(map) == nullptr) return;
   Watch& watch = watches_[map];
   if (std::make_pair(epoch, revision) <= std::make_pair(watch.epoch, watch.revision)) return;
   watch.epoch = epoch;
@@ -127,8 +153,11 @@ std::vector<SnapshotRequest> ReplicaSet::DueRequests(double now_s, ProcessId ask
     Watch& watch = watches_[id];
     const bool gap = HeldFor(replica.NeedsSnapshot(), 1e-3 * MapReplica::kPatienceMs, now_s, &watch.gap_since);
     const bool behind = HeldFor(IsBehind(replica.map(), watch), kAnnouncedPatienceS, now_s, &watch.behind_since);
-    if ((!gap && !behind) || now_s - watch.last_request_s < kRequestIntervalS) continue;
+    if (!replica.NeedsSnapshot() && !IsBehind(replica.map(), watch)) watch.requests = 0;
+    const double interval_s = std::min(std::ldexp(kRequestIntervalS, watch.requests / 4), kMaxRequestIntervalS);
+    if ((!gap && !behind) || now_s - watch.last_request_s < interval_s) continue;
     watch.last_request_s = now_s;
+    watch.requests = std::min(watch.requests + 1, kMaxRequestsCounted);
     requests.push_back(replica.MakeRequest(asker));
   }
   return requests;
@@ -159,6 +188,7 @@ bool ReplicaSet::IsBehind(MapId map) const {
 
 MapReplica::Counters ReplicaSet::counters() const {
   MapReplica::Counters sum;
+  sum.rejected = refused_;
   for (const auto& [id, replica] : replicas_) {
     const MapReplica::Counters& counted = replica.counters();
     sum.applied += counted.applied;

@@ -11,6 +11,8 @@ namespace portolan {
 
 /// Follows every map that comes along, for a process that owns none: a replica each, chunks put together, snapshots
 /// asked for when something stays missing. Time is given in seconds of any steady clock. Not thread-safe.
+/// Whoever invents maps fills no memory: of maps that nothing has come of but keyframes and announcements kMaxEmptyMaps
+/// are kept, those heard of last, and of all kMaxMaps.
 ///
 ///   ReplicaSet replicas;
 ///   replicas.AddKeyFrameData(message.map, data);  replicas.AddChunk(chunk);
@@ -48,7 +50,8 @@ class ReplicaSet {
   /// The last epoch that is ignored of a map that is no more: one that comes back begins above it. 0: none.
   Epoch RemovedEpoch(MapId map) const;
 
-  /// Requests for maps that have waited for long enough; for each once a second at most.
+  /// Requests for maps that have waited for long enough; for each once a second at most, and less often where whole
+  /// states do not help (an announcement of what the owner does not have).
   std::vector<SnapshotRequest> DueRequests(double now_s, ProcessId asker);
 
   const std::map<MapId, MapReplica>& replicas() const { return replicas_; }
@@ -58,16 +61,20 @@ class ReplicaSet {
   Revision Lag(MapId map) const;
   /// Whether its owner has announced more of the map, or another epoch of it, than is here.
   bool IsBehind(MapId map) const;
-  /// Sums over all replicas.
+  /// Sums over all replicas; rejected has what came of maps beyond kMaxMaps, too.
   MapReplica::Counters counters() const;
 
   /// Data kept of each map that is in no delta yet, the newest; frames that were offered to begin a map and refused are
   /// in none ever.
   static constexpr size_t kMaxUnusedData = 32;
+  /// A robot has one or two that begin.
+  static constexpr size_t kMaxEmptyMaps = 64;
+  static constexpr size_t kMaxMaps = 4096;
   /// A delta overtaken by another fits within MapReplica::kPatienceMs; what was announced may wait in a busy owner's or
   /// reader's queue.
   static constexpr double kAnnouncedPatienceS = 2.0;
   static constexpr double kRequestIntervalS = 1.0;
+  static constexpr double kMaxRequestIntervalS = 8.0;
 
  private:
   struct Watch {
@@ -75,10 +82,14 @@ class ReplicaSet {
     Revision revision = 0;  ///< announced, in that epoch
     std::optional<double> gap_since;
     std::optional<double> behind_since;
-    double last_request_s = -kRequestIntervalS;
+    double last_request_s = -kMaxRequestIntervalS;
+    int requests = 0;         ///< in a row, without the map having been whole
+    uint64_t last_heard = 0;  ///< number of a call
   };
 
-  MapReplica& Replica(MapId map);
+  /// Null if there are too many.
+  MapReplica* Replica(MapId map);
+  void ForgetLongestUnheardEmptyMap();
   std::shared_ptr<const KeyFrameData> FindKeyFrameData(KeyFrameId id) const;
   void DropUnusedData(MapReplica* replica);
   bool IsBehind(const Map& map, const Watch& watch) const;
@@ -87,6 +98,8 @@ class ReplicaSet {
   std::map<MapId, Watch> watches_;
   std::map<MapId, Epoch> removed_;  // with the last epoch heard of
   DeltaAssembler assembler_;
+  uint64_t heard_ = 0;
+  uint64_t refused_ = 0;
 };
 
 }  // namespace portolan

@@ -222,5 +222,56 @@ TEST_F(ReplicaSetTest, AForgottenMapIsFollowedAgain) {
   ExpectEqual(a_);
 }
 
+TEST_F(ReplicaSetTest, InventedMapsPushOutNoneThatIs) {
+  FollowOneChange();
+  set_.ApplyPending();
+  Random random(5);
+  constexpr uint32_t kInvented = 20 * ReplicaSet::kMaxEmptyMaps;
+  for (uint32_t i = 0; i < kInvented; ++i) {
+    if (i % 2 == 0) set_.AddKeyFrameData(MapId(0, 66, i), RandomEdits::MakeData(KeyFrameId(0, 66, i), &random));
+    if (i % 2 == 1) set_.Announce(MapId(0, 66, i), 1, 1);
+    set_.Announce(b_.id(), 1, 1);  // one that begins, and is heard of again and again
+    EXPECT_LE(set_.replicas().size(), ReplicaSet::kMaxEmptyMaps + 1);
+  }
+  EXPECT_EQ(set_.replicas().count(MapId(0, 66, kInvented - 1)), 1u);
+  EXPECT_EQ(set_.replicas().count(MapId(0, 66, 0)), 0u);
+  ExpectEqual(a_);
+  SendData(b_, edits_b_);
+  set_.AddDelta(b_.TakeDelta());
+  FollowOneChange();
+  set_.ApplyPending();
+  ExpectEqual(a_);
+  ExpectEqual(b_);
+}
+
+TEST_F(ReplicaSetTest, ThereAreMapsWithoutEndForNobody) {
+  for (uint32_t i = 0; i <= ReplicaSet::kMaxMaps; ++i) {
+    MapDelta snapshot;
+    snapshot.map = MapId(0, 66, i);
+    snapshot.epoch = snapshot.revision = 1;
+    set_.AddDelta(snapshot);
+    set_.ApplyPending();
+  }
+  EXPECT_EQ(set_.replicas().size(), ReplicaSet::kMaxMaps);
+  EXPECT_EQ(set_.counters().rejected, 1u);
+}
+
+TEST_F(ReplicaSetTest, AsksLessOftenForWhatNeverComes) {
+  FollowOneChange();
+  set_.ApplyPending();
+  set_.Announce(a_.id(), a_.epoch(), a_.revision() + 1000);  // of nobody who owns the map
+  const auto requests_within = [this](double from_s, double to_s) {
+    size_t requests = 0;
+    for (double now_s = from_s; now_s < to_s; now_s += 0.25) {
+      requests += set_.DueRequests(now_s, kAsker).size();
+      set_.AddDelta(a_.Snapshot());
+      set_.ApplyPending();
+    }
+    return requests;
+  };
+  EXPECT_GE(requests_within(0, 10), 5u);
+  EXPECT_LE(requests_within(100, 200), 200 / ReplicaSet::kMaxRequestIntervalS);
+}
+
 }  // namespace
 }  // namespace portolan

@@ -58,15 +58,17 @@ void Vocabulary::Transform(const std::vector<Descriptor>& descriptors, int direc
   features_by_node.reserve(descriptors.size());
   for (size_t i = 0; i < descriptors.size(); ++i) {
     uint32_t index = 0, node = 0;
-    for (int level = 1; nodes_[index].num_children > 0; ++level) {
+    for (int level = 1; (bow != nullptr || level <= node_level) && nodes_[index].num_children > 0; ++level) {
       index = NearestChild(nodes_, nodes_[index], descriptors[i]);
       if (level <= node_level && index < kMaxDirectNodes) node = index;
     }
-    if (nodes_[index].weight > 0) words.emplace_back(nodes_[index].word, nodes_[index].weight);
+    if (bow != nullptr && nodes_[index].weight > 0) words.emplace_back(nodes_[index].word, nodes_[index].weight);
     features_by_node.emplace_back(static_cast<uint16_t>(node), static_cast<uint16_t>(i));
   }
-  std::sort(words.begin(), words.end());
-  *bow = CountWords(words);
+  if (bow != nullptr) {
+    std::sort(words.begin(), words.end());
+    *bow = CountWords(words);
+  }
   std::sort(features_by_node.begin(), features_by_node.end());
   *nodes = std::move(features_by_node);
 }

@@ -35,7 +35,8 @@ class Vocabulary {
   /// Words and direct index of an image's descriptors in one descent: BowVector of all words with a positive weight,
   /// and the features by node at `direct_level` levels above the leaves (0 is the leaf; deeper trees than that clamp at
   /// the root's children). Nodes beyond the first kMaxDirectNodes are too many for a direct index: the node above them
-  /// stands for them. @param descriptors at most kMaxDirectNodes.
+  /// stands for them. @param descriptors at most kMaxDirectNodes. @param bow null: only the direct index is wanted, and
+  /// the descent ends at its level.
   void Transform(const std::vector<Descriptor>& descriptors, int direct_level, BowVector* bow,
                  NodeFeatures* nodes) const;
 

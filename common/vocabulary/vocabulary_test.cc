@@ -77,6 +77,9 @@ TEST(Vocabulary, DirectIndexNamesTheNodeAtItsLevel) {
     NodeFeatures nodes = {{12345, 6}};  // what was there goes
     vocabulary->Transform(image, direct_level, &bow, &nodes);
     EXPECT_EQ(nodes, expected);
+    NodeFeatures without_words;
+    vocabulary->Transform(image, direct_level, nullptr, &without_words);
+    EXPECT_EQ(without_words, expected);
   }
 }
 

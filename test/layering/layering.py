@@ -13,7 +13,7 @@ import sys
 PACKAGES = ("common", "frontend_tracker", "backend_mapper", "loop_closer", "atlas_server")
 SUFFIXES = (".h", ".cc")
 # Folders of the edge (docs/architecture.md), below the repository; `process` in each package.
-EDGE = ("common/messages", "common/transport")
+EDGE = ("common/messages", "common/transport", "common/fuzzing")
 EDGE_NAME = "process"
 # Programs: they may use the edge's own headers, but not what lies behind it.
 PROGRAMS = ("common/tools",)
