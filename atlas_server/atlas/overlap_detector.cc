@@ -67,6 +67,7 @@ std::vector<KeyFrameId> KeyFramesRead(const Map& map, KeyFrameId keyframe, const
 void OverlapDetector::Forget(MapId map) {
   memories_.erase(map);
   for (auto& [id, memory] : memories_) {
+    memory.verified.erase(map);
     auto& confirmations = memory.confirmations;
     confirmations.erase(std::remove_if(confirmations.begin(), confirmations.end(),
                                        [map](const Confirmation& c) { return c.overlap.other == map; }),
@@ -137,8 +138,9 @@ std::vector<KeyFrameId> OverlapDetector::GroupOf(const Map& map, KeyFrameId keyf
   return group;
 }
 
-/// Candidates of all maps that belong to those of the keyframes before: each map's best first, those refused with the
-/// last keyframe behind.
+/// Candidates of all maps that belong to those of the keyframes before: each map's best first, that of the most active
+/// map before all and then by score, as the same words were looked up in all maps; those refused with the last keyframe
+/// behind.
 std::vector<OverlapDetector::Found> OverlapDetector::FindConsistent(const BowVector& bow,
                                                                     const std::vector<const OtherMap*>& maps,
                                                                     Memory* memory, OverlapDetection* detection) const {
@@ -168,13 +170,28 @@ std::vector<OverlapDetector::Found> OverlapDetector::FindConsistent(const BowVec
   memory->rounds.push_back(std::move(round));
   while (static_cast<int>(memory->rounds.size()) > options_.consistent_rounds) memory->rounds.pop_front();
   std::stable_sort(ranked.begin(), ranked.end(), [](const Ranked& a, const Ranked& b) {
-    return std::make_tuple(a.found.refused_before, a.place_in_map, a.map) <
-           std::make_tuple(b.found.refused_before, b.place_in_map, b.map);
+    return std::make_tuple(a.found.refused_before, a.place_in_map, a.map > 0, -a.found.candidate.accumulated_score) <
+           std::make_tuple(b.found.refused_before, b.place_in_map, b.map > 0, -b.found.candidate.accumulated_score);
   });
   std::vector<Found> consistent;
   for (Ranked& r : ranked) consistent.push_back(std::move(r.found));
+  GiveATurn(*memory, &consistent);
   detection->consistent = static_cast<int>(consistent.size());
   return consistent;
+}
+
+/// The last of those that will be verified is one whose map has waited for longest: every map gives candidates, seen or
+/// not, and words alone must not keep one out for ever.
+void OverlapDetector::GiveATurn(const Memory& memory, std::vector<Found>* candidates) const {
+  if (options_.max_verified < 2 || candidates->size() <= static_cast<size_t>(options_.max_verified)) return;
+  const auto last_round = [&](const Found& found) {
+    const auto verified = memory.verified.find(found.other->map->id());
+    return verified == memory.verified.end() ? 0 : verified->second;
+  };
+  const auto last = candidates->begin() + (options_.max_verified - 1);
+  const auto longest = std::min_element(last, candidates->end(),
+                                        [&](const Found& a, const Found& b) { return last_round(a) < last_round(b); });
+  std::rotate(last, longest, longest + 1);
 }
 
 bool OverlapDetector::EnsureBoth(const Map& map, KeyFrameId current, const Found& found,
@@ -204,6 +221,7 @@ std::vector<DetectedOverlap> OverlapDetector::Verify(const Map& map, KeyFrameId 
       continue;
     }
     ++detection->verified;
+    memory->verified[other.id()] = memory->round;
     const Stopwatch stopwatch;
     auto place = VerifyPlace(map, current, other, matched, options_.verification, nullptr, times);
     times->Add("lookup_verify", stopwatch.Milliseconds());

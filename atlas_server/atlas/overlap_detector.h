@@ -86,7 +86,9 @@ struct OverlapDetection {
 ///   in order if (detection.overlap) ... detector.Forget(map); // after a fusion
 ///
 /// Time for a keyframe is bounded however many maps there are: its words are looked up in max_looked_up keyframes, of
-/// which at most candidates.most_scored a map are scored, and at most max_verified candidates are verified.
+/// which at most candidates.most_scored a map are scored, and at most max_verified candidates are verified: the best of
+/// the map with the most mutual activity, then those that share most with the keyframe, and of the other maps one in
+/// turn.
 class OverlapDetector {
  public:
   /// Sees to it that the verification can read descriptors and direct index of these keyframes of a map (in memory, or
@@ -121,12 +123,14 @@ class OverlapDetector {
     size_t turn = 0;                                    // of the maps that take turns
     std::deque<std::unordered_set<KeyFrameId>> rounds;  // candidates of the keyframes before, with their neighbours
     std::unordered_set<KeyFrameId> refused;             // with the last keyframe, with their neighbours
+    std::map<MapId, int> verified;                      // round in which a candidate of the map last was
     std::deque<Confirmation> confirmations;
   };
 
   std::vector<const OtherMap*> ChooseMaps(const std::vector<OtherMap>& others, Memory* memory) const;
   std::vector<Found> FindConsistent(const BowVector& bow, const std::vector<const OtherMap*>& maps, Memory* memory,
                                     OverlapDetection* detection) const;
+  void GiveATurn(const Memory& memory, std::vector<Found>* candidates) const;
   std::vector<KeyFrameId> GroupOf(const Map& map, KeyFrameId keyframe) const;
   bool EnsureBoth(const Map& map, KeyFrameId current, const Found& found, const EnsureAppearance& ensure) const;
   std::vector<DetectedOverlap> Verify(const Map& map, KeyFrameId current, const std::vector<Found>& candidates,

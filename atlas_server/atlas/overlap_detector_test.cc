@@ -11,16 +11,20 @@ namespace {
 
 using ::testing::HasSubstr;
 
-/// Maps of one place, in one index.
-class Copies {
+/// Several maps, in one index.
+class Shelf {
  public:
-  Copies(const SyntheticScene& scene, uint32_t number) {
-    for (uint32_t i = 0; i < number; ++i) {
-      MapBuilderOptions options;
-      options.map = MapId(0, 1, 10 + i);
-      maps_.push_back(BuildMap(scene, options));
-      for (const auto& [id, keyframe] : maps_.back().keyframes()) words_.Add(id, WordsOf(keyframe.data), options.map);
-    }
+  Shelf() = default;
+  /// Of one place.
+  Shelf(const SyntheticScene& scene, uint32_t number) {
+    for (uint32_t i = 0; i < number; ++i) Add(scene);
+  }
+  MapId Add(const SyntheticScene& scene) {
+    MapBuilderOptions options;
+    options.map = MapId(0, 1, 10 + static_cast<uint32_t>(maps_.size()));
+    maps_.push_back(BuildMap(scene, options));
+    for (const auto& [id, keyframe] : maps_.back().keyframes()) words_.Add(id, WordsOf(keyframe.data), options.map);
+    return options.map;
   }
   std::vector<OtherMap> AsOthers() const {
     std::vector<OtherMap> others;
@@ -32,6 +36,25 @@ class Copies {
   std::vector<Map> maps_;
   KeyFrameIndex words_;
 };
+
+/// Another place that looks alike in part: walls with the same pattern and something else around them.
+TwoMaps MakeLookAlike(uint64_t seed) {
+  Random random(seed);
+  std::map<int, Descriptor> own;
+  return TwoMaps(PlaceSceneOptions(), [&](int landmark, const Descriptor& descriptor) {
+    if (landmark % 4 == 0) return descriptor;
+    const auto [entry, is_new] = own.try_emplace(landmark);
+    if (is_new) entry->second = RandomDescriptor(&random);
+    return entry->second;
+  });
+}
+
+/// Each has candidates for whatever is seen of the place.
+Shelf LookAlikes(uint64_t number) {
+  Shelf shelf;
+  for (uint64_t i = 0; i < number; ++i) shelf.Add(MakeLookAlike(100 + i).passes.second);
+  return shelf;
+}
 
 class OverlapDetectorTest : public ::testing::Test {
  protected:
@@ -103,16 +126,8 @@ TEST_F(OverlapDetectorTest, IsDeterministic) {
   }
 }
 
-/// Another place that looks alike in part: walls with the same pattern and something else around them.
 TEST_F(OverlapDetectorTest, RefusesALookAlike) {
-  Random random(5);
-  std::map<int, Descriptor> own;
-  const TwoMaps lookalike(PlaceSceneOptions(), [&](int landmark, const Descriptor& descriptor) {
-    if (landmark % 4 == 0) return descriptor;
-    const auto [entry, is_new] = own.try_emplace(landmark);
-    if (is_new) entry->second = RandomDescriptor(&random);
-    return entry->second;
-  });
+  const TwoMaps lookalike = MakeLookAlike(5);
   options_.consistent_rounds = 0;
   OverlapDetector detector(options_);
   size_t refusals = 0;
@@ -132,7 +147,7 @@ TEST_F(OverlapDetectorTest, RefusesALookAlike) {
 TEST_F(OverlapDetectorTest, VerifiesABoundedNumberOverAllMaps) {
   options_.consistent_rounds = 0;
   options_.max_verified = 2;
-  const Copies copies(maps_.passes.first, 4);
+  const Shelf copies(maps_.passes.first, 4);
   const std::vector<OtherMap> others = copies.AsOthers();
   OverlapDetector detector(options_);
   const OverlapDetection detection = Detect(&detector, 8, others);
@@ -141,11 +156,42 @@ TEST_F(OverlapDetectorTest, VerifiesABoundedNumberOverAllMaps) {
   EXPECT_EQ(detection.verified, 2);
 }
 
+TEST_F(OverlapDetectorTest, FindsTheMapThatIsSeenBehindManyThatAreNot) {
+  Shelf shelf = LookAlikes(12);
+  const MapId seen = shelf.Add(maps_.passes.first);
+  const std::vector<OtherMap> others = shelf.AsOthers();
+  OverlapDetector detector(options_);
+  OverlapDetection detection;
+  size_t view = 3;
+  for (; view < maps_.passes.second.views.size() && !detection.overlap; ++view) {
+    detection = Detect(&detector, view, others);
+    EXPECT_LE(detection.verified, options_.max_verified);
+  }
+  ASSERT_TRUE(detection.overlap);
+  EXPECT_EQ(detection.overlap->other, seen);
+  EXPECT_LE(view, 7u) << "two keyframes for being consistent, two that agree";
+}
+
+TEST_F(OverlapDetectorTest, EachMapHasItsTurnToBeVerified) {
+  options_.consistent_rounds = 0;
+  std::set<MapId> looked_at;
+  const Shelf shelf = LookAlikes(8);
+  const std::vector<OtherMap> others = shelf.AsOthers();
+  OverlapDetector detector(options_);
+  for (size_t lookup = 0; lookup < 8; ++lookup) {
+    Detect(&detector, 3 + lookup, others, [&](const Map& map, const std::vector<KeyFrameId>&) {
+      if (&map != &maps_.second) looked_at.insert(map.id());
+      return true;
+    });
+  }
+  EXPECT_EQ(looked_at.size(), 8u);
+}
+
 TEST_F(OverlapDetectorTest, MapsBeyondTheBoundTakeTurns) {
   options_.consistent_rounds = 0;
   options_.max_looked_up = 60;  // of 20 keyframes each: the two before the half is full, and one more
   std::map<const Map*, int> looked_up;
-  const Copies copies(maps_.passes.first, 6);
+  const Shelf copies(maps_.passes.first, 6);
   const std::vector<OtherMap> others = copies.AsOthers();
   OverlapDetector detector(options_);
   const auto count = [&](const Map& map, const std::vector<KeyFrameId>&) {

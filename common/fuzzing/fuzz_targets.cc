@@ -210,9 +210,15 @@ std::vector<Bytes> MakeCorrectionSeeds() {
 
 using Take = FuzzOutcome (*)(const uint8_t*, size_t);
 constexpr Take kTopics[] = {
-    &TakeInAndOut<wire::SnapshotRequest>, &TakeInAndOut<wire::Command>,       &TakeInAndOut<wire::Request>,
-    &TakeInAndOut<wire::Reply>,           &TakeInAndOut<wire::TrackerState>,  &TakeInAndOut<wire::MapperState>,
-    &TakeInAndOut<wire::FollowerState>,   &TakeInAndOut<wire::ProcessStatus>, &TakeInAndOut<sensor_msgs::msg::dds_::Image_>,
+    &TakeInAndOut<wire::SnapshotRequest>,
+    &TakeInAndOut<wire::Command>,
+    &TakeInAndOut<wire::Request>,
+    &TakeInAndOut<wire::Reply>,
+    &TakeInAndOut<wire::TrackerState>,
+    &TakeInAndOut<wire::MapperState>,
+    &TakeInAndOut<wire::FollowerState>,
+    &TakeInAndOut<wire::ProcessStatus>,
+    &TakeInAndOut<sensor_msgs::msg::dds_::Image_>,
     [](const uint8_t* data, size_t size) -> FuzzOutcome {  // what comes of a picture goes out as another type
       return {TakeIn<sensor_msgs::msg::dds_::CompressedImage_>(data, size).ok() ? 1 : 0, 0};
     }};

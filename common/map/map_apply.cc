@@ -1,5 +1,6 @@
 // How a map turns its changes into deltas, and follows the deltas of its owner.
 
+#include <algorithm>
 #include <set>
 #include <string>
 #include <unordered_map>
@@ -18,6 +19,14 @@ constexpr size_t kMinObservations = 2;  // of a point: with fewer it has no posi
 MapDelta::KeyFrameState StateOf(const KeyFrame& keyframe) {
   return {keyframe.data->id, keyframe.camera_from_map, keyframe.parent,
           static_cast<uint32_t>(keyframe.landmarks.num_features())};
+}
+
+/// Behind those of keyframes before it.
+std::vector<Observation>::const_iterator PlaceOf(KeyFrameId keyframe, const std::vector<Observation>& observations) {
+  if (observations.empty() || observations.back().keyframe < keyframe)
+    return observations.end();  // as owners send them
+  return std::lower_bound(observations.begin(), observations.end(), keyframe,
+                          [](const Observation& o, KeyFrameId wanted) { return o.keyframe < wanted; });
 }
 
 }  // namespace
@@ -186,14 +195,23 @@ void Map::ApplyObservations(const MapDelta& delta) {
   }
 }
 
-/// Of a whole map, which has none yet. Its neighbours are counted at once, at its end: pair by pair that takes seconds
-/// for a thousand keyframes.
+/// Of a whole map, which has none yet. Landmarks and neighbours of its keyframes are put down at once, at its end: one
+/// by one, and pair by pair, that takes seconds for a thousand keyframes.
 void Map::PutAllObservations(const MapDelta& delta) {
-  MapPoint* point = nullptr;  // those of a point come one after another, as owners send them
+  std::unordered_map<KeyFrameId, std::vector<std::pair<uint32_t, MapPointId>>> seen;  // features and what they show
+  MapPoint* point = nullptr;  // its observations come one after another, as owners send them
   for (const auto& o : delta.observations) {
     if (o.feature < 0) continue;
     if (point == nullptr || point->id != o.point) point = &points_.at(o.point);
-    PutObservation(point, o.keyframe, static_cast<uint32_t>(o.feature));
+    const auto feature = static_cast<uint32_t>(o.feature);
+    point->observations.insert(PlaceOf(o.keyframe, point->observations), {o.keyframe, feature});
+    MarkStale(point, kGeometryStale | kDescriptorStale);
+    seen[o.keyframe].emplace_back(feature, o.point);
+  }
+  for (auto& [id, landmarks] : seen) {
+    std::sort(landmarks.begin(), landmarks.end());  // each goes behind the last
+    KeyFrame& keyframe = MutableKeyFrame(id);
+    for (const auto& [feature, landmark] : landmarks) keyframe.landmarks.Set(feature, landmark);
   }
   FillCovisibility();
 }

@@ -68,10 +68,9 @@ void MapReplica::AddDelta(MapDelta delta) {
     needs_snapshot_ = true;
   }
   // Ordered by revision, so that what was overtaken on the way falls into place.
-  const auto after =
-      std::upper_bound(waiting_.begin(), waiting_.end(), delta, [](const MapDelta& a, const Waiting& b) {
-        return std::make_pair(a.epoch, a.revision) < std::make_pair(b.delta.epoch, b.delta.revision);
-      });
+  const auto after = std::upper_bound(waiting_.begin(), waiting_.end(), delta, [](const MapDelta& a, const Waiting& b) {
+    return std::make_pair(a.epoch, a.revision) < std::make_pair(b.delta.epoch, b.delta.revision);
+  });
   waiting_.insert(after, {std::move(delta)});
 }
 

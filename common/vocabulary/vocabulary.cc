@@ -69,7 +69,9 @@ void Vocabulary::Transform(const std::vector<Descriptor>& descriptors, int direc
     std::sort(words.begin(), words.end());
     *bow = CountWords(words);
   }
-  std::sort(features_by_node.begin(), features_by_node.end());
+  std::sort(features_by_node.begin(), features_by_node.end(), [](const auto& a, const auto& b) {
+    return (uint32_t{a.first} << 16 | a.second) < (uint32_t{b.first} << 16 | b.second);  // in one comparison
+  });
   *nodes = std::move(features_by_node);
 }
 
