@@ -299,9 +299,16 @@ Status MapStore::ExportMap(MapId id, const std::string& path) {
 }
 
 Result<MapStore::Content> MapStore::Load() {
+  Result<Content> content = LoadWithoutMaps();
+  if (!content) return content;
+  const auto keep = [&](StoredMap map) { content->maps.push_back(std::move(map)); };
+  if (Status loaded = LoadEachMap(keep, &content->problems); !loaded) return loaded.error();
+  return content;
+}
+
+Result<MapStore::Content> MapStore::LoadWithoutMaps() {
   Content content;
   if (Status loaded = LoadOwnerships(&content); !loaded) return At(loaded.error());
-  if (Status loaded = LoadMaps(&content); !loaded) return At(loaded.error());
   if (Status loaded = LoadGraph(&content); !loaded) return At(loaded.error());
   return content;
 }
@@ -313,23 +320,21 @@ Status MapStore::LoadOwnerships(Content* content) {
   });
 }
 
-Status MapStore::LoadMaps(Content* content) {
-  Result<SqlStatement> query = database_.Prepare("SELECT id, state FROM map ORDER BY id");
-  if (!query) return query.error();
-  for (;;) {
-    const Result<bool> row = query->Step();
-    if (!row) return row.error();
-    if (!*row) return Ok{};
-    const MapId id(query->Integer(0));
-    Result<StoredMap> map = Decode(query->Blob(1));
-    if (map && map->snapshot.map != id) map = Error{"the state is that of map " + ToString(map->snapshot.map)};
+Status MapStore::LoadEachMap(const std::function<void(StoredMap map)>& take, std::vector<std::string>* problems) {
+  std::vector<MapId> ids;
+  const Status read =
+      ForEachRow("SELECT id FROM map ORDER BY id", [&](const SqlStatement& row) { ids.emplace_back(row.Integer(0)); });
+  if (!read) return At(read.error());
+  for (const MapId id : ids) {
+    Result<StoredMap> map = ReadMap(id);
     if (!map) {
-      content->problems.push_back(At({"map " + ToString(id) + " is left out: " + map.error().message}).message);
+      problems->push_back(At({"map " + ToString(id) + " is left out: " + map.error().message}).message);
       continue;
     }
     members_[id] = Members(map->snapshot);
-    content->maps.push_back(std::move(*map));
+    take(std::move(*map));
   }
+  return Ok{};
 }
 
 Status MapStore::ForEachRow(const char* sql, const std::function<void(const SqlStatement& row)>& read) {
@@ -374,15 +379,19 @@ Status MapStore::LoadGraph(Content* content) {
 }
 
 Result<MapStore::StoredMap> MapStore::LoadMap(MapId id) {
-  const std::string name = "map " + ToString(id);
+  Result<StoredMap> map = ReadMap(id);
+  if (!map) return At({"map " + ToString(id) + ": " + map.error().message});
+  return map;
+}
+
+Result<MapStore::StoredMap> MapStore::ReadMap(MapId id) {
   Result<SqlStatement> query = database_.Prepare("SELECT state FROM map WHERE id = ?1");
-  if (!query) return At({name + ": " + query.error().message});
+  if (!query) return query.error();
   const Result<bool> row = query->Bind(1, id.value).Step();
-  if (!row) return At({name + ": " + row.error().message});
-  if (!*row) return At({name + " is not in the store"});
+  if (!row) return row.error();
+  if (!*row) return Error{"it is not in the store"};
   Result<StoredMap> map = Decode(query->Blob(0));
-  if (map && map->snapshot.map != id) map = Error{"the state is that of map " + ToString(map->snapshot.map)};
-  if (!map) return At({name + ": " + map.error().message});
+  if (map && map->snapshot.map != id) return Error{"the state is that of map " + ToString(map->snapshot.map)};
   return map;
 }
 

@@ -54,6 +54,11 @@ class MapStore {
   };
   /// Fails when the file as a whole can't be read.
   Result<Content> Load();
+  /// The same but for the maps, which LoadEachMap() has: they need not be in memory all at a time.
+  Result<Content> LoadWithoutMaps();
+  /// Calls take(map) for each map, in order of id, as soon as it is read. @param problems gets what is damaged and left
+  /// out.
+  Status LoadEachMap(const std::function<void(StoredMap map)>& take, std::vector<std::string>* problems);
 
   /// One map, as Load() has it: for maps that are not kept in memory.
   Result<StoredMap> LoadMap(MapId id);
@@ -92,9 +97,9 @@ class MapStore {
   /// Keyframes of the map's stored state that are in no map once it has only `staying`.
   std::vector<KeyFrameId> Vanished(MapId map, const std::vector<KeyFrameId>& staying) const;
   Status Remove(const std::vector<KeyFrameId>& keyframes);
+  Result<StoredMap> ReadMap(MapId id);
   Result<StoredMap> Decode(std::string_view state);
   Result<KeyFrameData> ReadKeyFrame(KeyFrameId id);
-  Status LoadMaps(Content* content);
   Status LoadOwnerships(Content* content);
   Status LoadGraph(Content* content);
   Status ReplaceGraph(const Graph& graph);

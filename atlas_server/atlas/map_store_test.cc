@@ -32,6 +32,24 @@ TEST_F(MapStoreTest, WhatWasSavedIsThereAfterwards) {
   EXPECT_TRUE(content.problems.empty());
 }
 
+TEST_F(MapStoreTest, LoadsMapsOneByOne) {
+  {
+    const auto store = Open(path_);
+    for (const uint64_t seed : {3, 1, 2}) ASSERT_TRUE(Save(store.get(), MakeMap(seed)).ok());
+  }
+  const auto store = Open(path_);
+  const Result<MapStore::Content> rest = store->LoadWithoutMaps();
+  ASSERT_TRUE(rest.ok());
+  EXPECT_TRUE(rest->maps.empty());
+  std::vector<uint64_t> hashes;
+  std::vector<std::string> problems;
+  const auto take = [&](const MapStore::StoredMap& map) { hashes.push_back(HashOf(map)); };
+  EXPECT_TRUE(store->LoadEachMap(take, &problems).ok());
+  EXPECT_TRUE(problems.empty());
+  EXPECT_EQ(hashes, (std::vector<uint64_t>{HashMap(MakeMap(1)), HashMap(MakeMap(2)), HashMap(MakeMap(3))}));
+  EXPECT_TRUE(store->HasMap(MapId(0, 1, 2)));
+}
+
 TEST_F(MapStoreTest, LoadsOneKeyFrame) {
   const Map map = MakeMap(3);
   const auto store = Open(path_);

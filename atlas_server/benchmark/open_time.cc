@@ -4,12 +4,14 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <malloc.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <cstdlib>
 #include <filesystem>
+#include <fstream>
 
 #include "atlas/map_shelf.h"
 #include "atlas/map_store.h"
@@ -75,6 +77,12 @@ Status DropFromCache(const std::string& path) {
   return is_dropped ? Status(Ok{}) : Status(Error{"'" + path + "' stays in the system's cache"});
 }
 
+double ResidentMb() {
+  size_t pages = 0, resident_pages = 0;
+  std::ifstream("/proc/self/statm") >> pages >> resident_pages;
+  return 1e-6 * static_cast<double>(resident_pages) * static_cast<double>(sysconf(_SC_PAGESIZE));
+}
+
 /// What the atlas_server does at its start, step by step.
 class Start {
  public:
@@ -88,20 +96,14 @@ class Start {
     if (!store) return store.error();
     store_ = std::move(*store);
     Note("file opened");
-    Result<MapStore::Content> content = store_->Load();
-    if (!content) return content.error();
-    Note("read and decoded");
     shelf_ = std::make_unique<MapShelf>(ShelfOptions(), std::move(*vocabulary),
                                         [this](KeyFrameId id) { return store_->LoadKeyFrame(id); });
-    for (StoredMap& map : content->maps) {
-      order_.push_back(map.snapshot.map);
-      shelf_->TakeIn(std::move(map), true, nullptr);
-    }
-    Note("words found");
-    shelf_->ApplyPending();
-    Note("maps made");
-    shelf_->Trim();
-    Note("trimmed");
+    std::vector<std::string> problems;
+    const Status loaded = store_->LoadEachMap([this](StoredMap map) { TakeIn(std::move(map)); }, &problems);
+    if (!loaded) return loaded.error();
+    if (!problems.empty()) return Error{problems.front()};
+    malloc_trim(0);
+    Note("heap trimmed");
     return shelf_->Others(order_).size() == order_.size() ? Status(Ok{}) : Status(Error{"a map of the file is none"});
   }
 
@@ -117,13 +119,24 @@ class Start {
 
   /// The end of a step.
   void Note(const char* step) {
-    fmt::print("  {:24} {:8.1f} ms\n", step, step_.Milliseconds());
+    fmt::print("  {:24} {:8.1f} ms {:6.0f} MB\n", step, step_.Milliseconds(), ResidentMb());
     step_.Restart();
   }
   double Milliseconds() const { return since_start_.Milliseconds(); }
   size_t keyframes() const { return shelf_->indexed_keyframes(); }
 
  private:
+  void TakeIn(StoredMap map) {
+    order_.push_back(map.snapshot.map);
+    Note("read and decoded");
+    shelf_->TakeIn(std::move(map), true, nullptr);
+    Note("words found");
+    shelf_->ApplyPending();
+    Note("map made");
+    shelf_->Trim();
+    Note("trimmed");
+  }
+
   std::string path_;
   Stopwatch since_start_, step_;
   std::unique_ptr<MapStore> store_;

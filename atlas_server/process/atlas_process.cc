@@ -1,5 +1,6 @@
 #include "process/atlas_process.h"
 
+#include <malloc.h>
 #include <algorithm>
 #include <utility>
 
@@ -66,9 +67,8 @@ AtlasProcess::~AtlasProcess() {
 
 Status AtlasProcess::LoadStore() {
   if (store_ == nullptr) return Ok{};
-  Result<MapStore::Content> content = store_->Load();
+  Result<MapStore::Content> content = store_->LoadWithoutMaps();
   if (!content) return content.error();
-  for (const std::string& problem : content->problems) spdlog::error("{}", problem);
   if (atlas_.maps().empty()) {
     atlas_.Restore(content->ownerships, MapGraph(content->graph));
     saved_graph_ = atlas_.graph().version();
@@ -76,24 +76,30 @@ Status AtlasProcess::LoadStore() {
     if (graph_text_.empty()) atlas_.Follow(MapGraph(content->graph));
     atlas_.Follow(content->ownerships);
   }
-  for (MapStore::StoredMap& stored : content->maps) {
-    const MapId id = stored.snapshot.map;
-    const auto [epoch, revision] = std::pair(stored.snapshot.epoch, stored.snapshot.revision);
-    atlas_.OnEpoch(id, epoch);
-    TakeIn(std::move(stored), true);
-    const Map* map = shelf_.FindMap(id);
-    if (map != nullptr) {
-      saver_->Restore(id, epoch, revision);
-      atlas_.OnSize(id, map->keyframes().size());
-    } else if (shelf_.maps().count(id) == 1) {
-      spdlog::error("atlas store '{}': map {} is no valid map and left out: {}", store_->path(), ToString(id),
-                    shelf_.maps().at(id).last_problem());
-    }
-  }
+  const Status loaded =
+      store_->LoadEachMap([this](StoredMap stored) { TakeInStored(std::move(stored)); }, &content->problems);
+  for (const std::string& problem : content->problems) spdlog::error("{}", problem);
+  if (!loaded) return loaded.error();
+  malloc_trim(0);  // reading leaves a sixth of the heap empty
   const Totals totals = CountTotals();
   spdlog::info("atlas store '{}': {} maps, {} keyframes, {} points", store_->path(), totals.maps, totals.keyframes,
                totals.points);
   return Ok{};
+}
+
+void AtlasProcess::TakeInStored(StoredMap stored) {
+  const MapId id = stored.snapshot.map;
+  const auto [epoch, revision] = std::pair(stored.snapshot.epoch, stored.snapshot.revision);
+  atlas_.OnEpoch(id, epoch);
+  TakeIn(std::move(stored), true);
+  const Map* map = shelf_.FindMap(id);
+  if (map != nullptr) {
+    saver_->Restore(id, epoch, revision);
+    atlas_.OnSize(id, map->keyframes().size());
+  } else if (shelf_.maps().count(id) == 1) {
+    spdlog::error("atlas store '{}': map {} is no valid map and left out: {}", store_->path(), ToString(id),
+                  shelf_.maps().at(id).last_problem());
+  }
 }
 
 void AtlasProcess::TakeIn(StoredMap map, bool is_stored) {

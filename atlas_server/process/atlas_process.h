@@ -123,6 +123,7 @@ class AtlasProcess {
   /// The whole data of a keyframe, from the store where memory has it bare.
   Result<KeyFrameData> WholeData(const KeyFrameData& data);
   Result<KeyFrameData> LoadKeyFrame(KeyFrameId id);
+  void TakeInStored(StoredMap stored);
   void TakeIn(StoredMap map, bool is_stored);
   void StoreAPiece();
   void DropWhatIsStored();
