@@ -1,6 +1,7 @@
 #include "process/atlas_process.h"
 
 #include <malloc.h>
+
 #include <algorithm>
 #include <utility>
 

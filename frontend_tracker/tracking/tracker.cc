@@ -36,6 +36,7 @@ Tracker::Tracker(const TrackerOptions& options, const CameraModel& camera, std::
       vocabulary_(std::move(vocabulary)),
       extractor_(options.orb),
       rotation_estimator_(camera.pinhole),
+      velocity_model_(options.decaying_velocity),
       map_tracker_(options.map_tracking),
       relocalizer_(options.relocalizer, options.seed),
       keyframe_policy_(options.keyframe),

@@ -18,6 +18,7 @@ void ReadTracker(ConfigReader* config, TrackerOptions* tracker) {
   config->Read("tracker.max_map_keyframes", &tracker->max_map_keyframes, {0, 1'000'000});
   config->Read("tracker.localization_only", &tracker->localization_only);
   config->Read("tracker.use_esm", &tracker->use_esm);
+  config->Read("tracker.decaying_velocity", &tracker->decaying_velocity);
   int64_t seed = static_cast<int64_t>(tracker->seed);
   config->Read("tracker.seed", &seed, {0, INT64_MAX});
   tracker->seed = static_cast<uint64_t>(seed);

@@ -82,6 +82,9 @@ struct TrackerOptions {
   int max_map_keyframes = 0;
   bool localization_only = false;  ///< changes no map: neither keyframes nor new maps
   bool use_esm = true;             ///< rotation from ESM (Eq. 3-6); off: from the velocity model
+  /// The velocity model of Eq. (1); off: constant velocity, that between the last two poses. For comparisons (paper
+  /// Table 2).
+  bool decaying_velocity = true;
   uint64_t seed = 1;
 
   /// Ranges of every field; the message names the key.

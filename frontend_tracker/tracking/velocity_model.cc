@@ -5,16 +5,20 @@
 namespace portolan {
 
 void VelocityModel::Reset() {
-  *this = VelocityModel();
+  *this = VelocityModel(decaying_);
 }
 
 void VelocityModel::Update(Timestamp stamp, const Rigid3d& camera_from_map) {
   const double dt = SecondsBetween(last_stamp_, stamp);
   if (has_pose_ && dt > 0 && dt < kMaxGapSeconds) {
     const Vector6d instantaneous = LogSE3(camera_from_map * last_camera_from_map_.Inverse()) / dt;
-    // Paper Eq. (1). The first velocity has none before it to be averaged with.
-    velocity_ =
-        has_velocity_ ? Vector6d(kDamping * (velocity_ + instantaneous) / 2.0) : Vector6d(kDamping * instantaneous);
+    if (!decaying_) {
+      velocity_ = instantaneous;
+    } else if (has_velocity_) {
+      velocity_ = kDamping * (velocity_ + instantaneous) / 2.0;  // paper Eq. (1)
+    } else {
+      velocity_ = kDamping * instantaneous;  // the first has none before it to be averaged with
+    }
     has_velocity_ = true;
   } else {
     velocity_.setZero();

@@ -10,6 +10,9 @@ namespace portolan {
 /// assumption that a robot's camera moves smoothly, slows down and stops in the end.
 class VelocityModel {
  public:
+  /// @param decaying false: constant velocity, that between the last two poses, which the paper's Table 2 compares with.
+  explicit VelocityModel(bool decaying = true) : decaying_(decaying) {}
+
   /// Forgets everything: the next prediction is the pose given then.
   void Reset();
 
@@ -32,6 +35,7 @@ class VelocityModel {
   static constexpr double kDamping = 0.9;        // paper Eq. (1)
   static constexpr double kMaxGapSeconds = 2.0;  // after it a velocity tells nothing any more
 
+  bool decaying_;
   bool has_pose_ = false;
   bool has_velocity_ = false;
   Timestamp last_stamp_;

@@ -46,6 +46,20 @@ TEST(VelocityModel, PredictsByEquationTwo) {
   EXPECT_LT((predicted.translation - expected.translation).norm(), 1e-9);
 }
 
+TEST(VelocityModel, ConstantVelocityIsThatOfTheLastTwoPoses) {
+  VelocityModel model(false);
+  Rigid3d pose(ExpSO3({0.3, 0, 0.1}), {1, 2, 3});
+  for (int i = 0; i < 4; ++i) {
+    model.Update(At(i), pose);
+    pose = ExpSE3(kStep * Twist(1 + i)) * pose;
+  }
+  EXPECT_LT((model.velocity() - Twist(3)).norm(), 1e-9);
+  model.Reset();
+  model.Update(At(4), Rigid3d());
+  model.Update(At(5), ExpSE3(kStep * Twist(2)));
+  EXPECT_LT((model.velocity() - Twist(2)).norm(), 1e-9) << "it stays of this kind";
+}
+
 TEST(VelocityModel, DecaysWhenTheCameraStops) {
   VelocityModel model;
   model.Update(At(0), Rigid3d());
