@@ -19,7 +19,13 @@ namespace {
 constexpr std::string_view kJpegStart = "\xff\xd8\xff";
 constexpr std::string_view kPngStart = "\x89PNG\r\n\x1a\n";
 constexpr std::string_view kExifMark("Exif\0\0", 6);
-constexpr int kMaxSide = 1 << 16;  // JPEG's own limit; a PNG's header may claim anything
+// A header of a few bytes may claim any size, and the pixels are there before it turns out that nothing comes of them.
+constexpr uint32_t kMaxSide = 1 << 14;
+constexpr uint64_t kMaxPixels = uint64_t{1} << 25;  // 33 megapixels
+
+bool IsTooLarge(uint64_t width, uint64_t height) {
+  return width > kMaxSide || height > kMaxSide || width * height > kMaxPixels;
+}
 
 // The C libraries leave by longjmp: what is between setjmp and the calls has no destructors.
 
@@ -37,16 +43,18 @@ struct JpegFailure {
 
 void IgnoreJpegWarning(j_common_ptr, int) {}
 
-enum class Outcome { kDone, kFailed, kOther };
+enum class Outcome { kDone, kFailed, kTooLarge, kOther };
 
-/// @param grey gets the size; its pixels must not move while the decoder lives.
-Outcome RunJpeg(const uint8_t* bytes, size_t size, jpeg_decompress_struct* decoder, JpegFailure* failure,
-                cv::Mat* grey) {
+/// @param header_only whether to leave all but the size to others. @param grey gets the size; its pixels must not move
+/// while the decoder lives.
+Outcome RunJpeg(const uint8_t* bytes, size_t size, bool header_only, jpeg_decompress_struct* decoder,
+                JpegFailure* failure, cv::Mat* grey) {
   if (setjmp(failure->back) != 0) return Outcome::kFailed;
   jpeg_create_decompress(decoder);
   jpeg_mem_src(decoder, bytes, size);
   jpeg_read_header(decoder, TRUE);
-  if (decoder->num_components == 4) return Outcome::kOther;
+  if (IsTooLarge(decoder->image_width, decoder->image_height)) return Outcome::kTooLarge;
+  if (header_only || decoder->num_components == 4) return Outcome::kOther;
   decoder->out_color_space = JCS_GRAYSCALE;
   decoder->out_color_components = 1;
   jpeg_start_decompress(decoder);
@@ -59,16 +67,23 @@ Outcome RunJpeg(const uint8_t* bytes, size_t size, jpeg_decompress_struct* decod
   return Outcome::kDone;
 }
 
+Error TooLarge(uint64_t width, uint64_t height) {
+  return Error{"is " + std::to_string(width) + " x " + std::to_string(height) + " pixels, expected sides of at most " +
+               std::to_string(kMaxSide) + " and " + std::to_string(kMaxPixels) + " pixels in all"};
+}
+
 /// None: to be read by others.
-std::optional<Result<cv::Mat>> DecodeJpeg(const uint8_t* bytes, size_t size) {
+std::optional<Result<cv::Mat>> DecodeJpeg(const uint8_t* bytes, size_t size, bool header_only) {
   jpeg_decompress_struct decoder{};
   JpegFailure failure{};
   decoder.err = jpeg_std_error(&failure.manager);
   failure.manager.error_exit = LeaveJpeg;
   failure.manager.emit_message = IgnoreJpegWarning;
   cv::Mat grey;
-  const Outcome outcome = RunJpeg(bytes, size, &decoder, &failure, &grey);
+  const Outcome outcome = RunJpeg(bytes, size, header_only, &decoder, &failure, &grey);
+  const uint64_t width = decoder.image_width, height = decoder.image_height;
   jpeg_destroy_decompress(&decoder);
+  if (outcome == Outcome::kTooLarge) return Result<cv::Mat>(TooLarge(width, height));
   if (outcome == Outcome::kOther) return std::nullopt;
   if (outcome == Outcome::kFailed) return Result<cv::Mat>(Error{std::string("can't be decoded: ") + failure.text});
   return Result<cv::Mat>(grey);
@@ -79,6 +94,7 @@ struct PngInput {
   size_t left;
   std::jmp_buf back;
   char text[128];
+  bool is_too_large;
 };
 
 [[noreturn]] void LeavePng(png_structp decoder, png_const_charp message) {
@@ -100,9 +116,12 @@ void ReadPngBytes(png_structp decoder, png_bytep out, size_t size) {
 /// @param rows gets a pointer to each row of `grey`; both belong to the caller.
 bool RunPng(png_structp decoder, png_infop info, PngInput* input, cv::Mat* grey, std::vector<uint8_t*>* rows) {
   if (setjmp(input->back) != 0) return false;
-  png_set_user_limits(decoder, kMaxSide, kMaxSide);
   png_set_read_fn(decoder, input, ReadPngBytes);
   png_read_info(decoder, info);
+  if (IsTooLarge(png_get_image_width(decoder, info), png_get_image_height(decoder, info))) {
+    input->is_too_large = true;
+    return false;
+  }
   const int colour = png_get_color_type(decoder, info);
   png_set_strip_16(decoder);
   png_set_strip_alpha(decoder);
@@ -122,14 +141,16 @@ bool RunPng(png_structp decoder, png_infop info, PngInput* input, cv::Mat* grey,
 }
 
 Result<cv::Mat> DecodePng(const uint8_t* bytes, size_t size) {
-  PngInput input{bytes, size, {}, {}};
+  PngInput input{bytes, size, {}, {}, false};
   png_structp decoder = png_create_read_struct(PNG_LIBPNG_VER_STRING, &input, LeavePng, IgnorePngWarning);
   if (decoder == nullptr) return Error{"libpng is of another version"};
   png_infop info = png_create_info_struct(decoder);
   cv::Mat grey;
   std::vector<uint8_t*> rows;
   const bool decoded = info != nullptr && RunPng(decoder, info, &input, &grey, &rows);
+  const uint64_t width = png_get_image_width(decoder, info), height = png_get_image_height(decoder, info);
   png_destroy_read_struct(&decoder, &info, nullptr);
+  if (input.is_too_large) return TooLarge(width, height);
   if (!decoded) return Error{std::string("can't be decoded: ") + input.text};
   return grey;
 }
@@ -153,8 +174,8 @@ bool HasExif(std::string_view bytes) {
 Result<cv::Mat> DecodeGrey(const uint8_t* bytes, size_t size) {
   const std::string_view all(reinterpret_cast<const char*>(bytes), size);
   if (all.substr(0, kPngStart.size()) == kPngStart) return DecodePng(bytes, size);
-  if (all.substr(0, kJpegStart.size()) == kJpegStart && !HasExif(all)) {
-    if (auto decoded = DecodeJpeg(bytes, size)) return *decoded;
+  if (all.substr(0, kJpegStart.size()) == kJpegStart) {
+    if (auto decoded = DecodeJpeg(bytes, size, HasExif(all))) return *decoded;
   }
   return DecodeOther(bytes, size);
 }

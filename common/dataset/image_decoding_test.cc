@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
@@ -80,6 +81,25 @@ TEST(DecodeGreyTest, SaysWhatIsWrong) {
 }
 
 /// Whatever bytes come: an image or an error.
+/// A header may claim any size, whatever follows it (found by test/reliability/fuzz.sh).
+TEST(DecodeGreyTest, RefusesWhatIsLargerThanAnyCamerasByItsHeader) {
+  const auto message = [](const std::vector<uint8_t>& bytes) {
+    const Result<cv::Mat> grey = DecodeGrey(bytes.data(), bytes.size());
+    return grey.ok() ? "" : grey.error().message;
+  };
+  EXPECT_THAT(message(Encode(".png", cv::Mat(1, 16385, CV_8UC1, cv::Scalar(0)))), HasSubstr("is 16385 x 1 pixels"));
+  EXPECT_EQ(message(Encode(".png", cv::Mat(1, 16384, CV_8UC1, cv::Scalar(0)))), "");
+  std::vector<uint8_t> jpeg = Encode(".jpg", Picture(CV_8UC1));
+  const std::vector<uint8_t> start_of_frame = {0xff, 0xc0};
+  const auto frame = std::search(jpeg.begin(), jpeg.end(), start_of_frame.begin(), start_of_frame.end());
+  ASSERT_LT(frame, jpeg.end() - 9);
+  for (int i = 0; i < 2; ++i) {  // after mark, length and precision: height and width
+    frame[5 + 2 * i] = 8000 >> 8;
+    frame[6 + 2 * i] = 8000 & 0xff;
+  }
+  EXPECT_THAT(message(jpeg), HasSubstr("is 8000 x 8000 pixels, expected sides of at most 16384 and 33554432 pixels"));
+}
+
 TEST(DecodeGreyTest, SurvivesDamage) {
   cv::RNG random(7);
   for (const char* extension : {".jpg", ".png"}) {
