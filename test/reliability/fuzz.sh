@@ -57,8 +57,8 @@ fuzz() {
     "$program" "$root/corpus/$target" -max_total_time=$((60 * minutes)) -max_len=60000 -timeout=20 -rss_limit_mb=1500 \
     -print_final_stats=1 "-artifact_prefix=$root/findings/$target-" >"$log" 2>&1 || code=1
   local runs coverage
-  runs=$(awk '/stat::number_of_executed_units/ {print $2}' "$log")
-  coverage=$(grep -oE 'cov: [0-9]+' "$log" | tail -n 1 | cut -d' ' -f2 || true)
+  runs=$(grep -a 'stat::number_of_executed_units' "$log" | awk '{print $2}')
+  coverage=$(grep -aoE 'cov: [0-9]+' "$log" | tail -n 1 | cut -d' ' -f2 || true)
   echo "fuzz.sh: $target: ${runs:-?} inputs, ${coverage:-?} edges, $([ $code = 0 ] && echo 'nothing found' || echo "FAILED: build-fuzz/$target.log")"
   return $code
 }
