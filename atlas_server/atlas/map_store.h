@@ -80,7 +80,7 @@ class MapStore {
   Status ExportMap(MapId id, const std::string& path);
 
   bool HasKeyFrame(KeyFrameId id) const { return keyframes_.count(id) == 1; }
-  /// Whether a state of the map is stored; after Load().
+  /// Whether a state of the map is stored; after Load() or LoadEachMap().
   bool HasMap(MapId id) const { return members_.count(id) == 1; }
   size_t num_keyframes() const { return keyframes_.size(); }
   const std::string& path() const { return path_; }

@@ -85,6 +85,14 @@ void ForEachMessage(const uint8_t* data, size_t size, Take take) {
   }
 }
 
+void AppendMessage(uint8_t topic, const Bytes& sample, Bytes* row) {
+  PORTOLAN_CHECK(sample.size() <= 0xffff) << sample.size() << " bytes";
+  row->push_back(topic);
+  row->push_back(static_cast<uint8_t>(sample.size() & 0xff));
+  row->push_back(static_cast<uint8_t>(sample.size() >> 8));
+  row->insert(row->end(), sample.begin(), sample.end());
+}
+
 FuzzOutcome RunReplica(const uint8_t* data, size_t size) {
   FuzzOutcome outcome;
   ReplicaSet replicas;
@@ -123,10 +131,10 @@ std::vector<Bytes> MakeReplicaSeeds() {
         KeyFrameMessage message;
         message.data = *data;
         message.map = map.id();
-        AppendFuzzMessage(kKeyFrameTopic, EncodeSample(ToWire(message)), &row);
+        AppendMessage(kKeyFrameTopic, EncodeSample(ToWire(message)), &row);
       }
       for (const MapDeltaChunk& chunk : SplitDelta(delta, seed == 2 ? 20 : 1000))
-        AppendFuzzMessage(kDeltaTopic, EncodeSample(ToWire(chunk)), &row);
+        AppendMessage(kDeltaTopic, EncodeSample(ToWire(chunk)), &row);
     };
     for (int i = 0; i < 6; ++i) {
       edits.Next();
@@ -289,14 +297,6 @@ std::vector<Bytes> MakeStoredSeeds() {
 }
 
 }  // namespace
-
-void AppendFuzzMessage(uint8_t topic, const std::vector<uint8_t>& sample, std::vector<uint8_t>* row) {
-  PORTOLAN_CHECK(sample.size() <= 0xffff) << sample.size() << " bytes";
-  row->push_back(topic);
-  row->push_back(static_cast<uint8_t>(sample.size() & 0xff));
-  row->push_back(static_cast<uint8_t>(sample.size() >> 8));
-  row->insert(row->end(), sample.begin(), sample.end());
-}
 
 const std::vector<FuzzTarget>& FuzzTargets() {
   static const std::vector<FuzzTarget> targets = {{"keyframe", &RunKeyFrame, &MakeKeyFrameSeeds},

@@ -25,7 +25,8 @@ struct FuzzTarget {
 
 /// All of them:
 /// - keyframe: one sample of the topic of keyframes;
-/// - replica: keyframes and chunks of deltas in a row (see FuzzMessage) into a ReplicaSet, as every follower does;
+/// - replica: keyframes and chunks of deltas, one after another, into a ReplicaSet, as every follower does: of each its
+///   topic as one byte, its length as two (little-endian) and its bytes;
 /// - correction: a sample of the topic of corrections, applied to a map that it may fit, and as a fusion of two;
 /// - message: one sample of any other topic, which the first byte names;
 /// - stored: keyframe data and map states as they lie in an atlas or a map file.
@@ -33,8 +34,5 @@ const std::vector<FuzzTarget>& FuzzTargets();
 
 /// Null if there is none of the name.
 const FuzzTarget* FindFuzzTarget(const std::string& name);
-
-/// One message of a row of them: its topic as one byte, its length as two (little-endian), its bytes.
-void AppendFuzzMessage(uint8_t topic, const std::vector<uint8_t>& sample, std::vector<uint8_t>* row);
 
 }  // namespace portolan

@@ -7,8 +7,10 @@
 namespace portolan {
 namespace {
 
-/// Requests in a row after which the interval between them does not grow any more.
-constexpr int kMaxRequestsCounted = 100;
+/// Requests in a row after which the interval between them doubles: a few may get lost with a link or an owner.
+constexpr int kRequestsBeforeLess = 4;
+/// As many are counted as make the interval longer than the longest.
+constexpr int kMaxRequestsCounted = 8 * kRequestsBeforeLess;
 
 /// Whether a condition has held for longer than the patience; `since` keeps when it began.
 bool HeldFor(bool condition, double patience_s, double now_s, std::optional<double>* since) {
@@ -154,7 +156,8 @@ std::vector<SnapshotRequest> ReplicaSet::DueRequests(double now_s, ProcessId ask
     const bool gap = HeldFor(replica.NeedsSnapshot(), 1e-3 * MapReplica::kPatienceMs, now_s, &watch.gap_since);
     const bool behind = HeldFor(IsBehind(replica.map(), watch), kAnnouncedPatienceS, now_s, &watch.behind_since);
     if (!replica.NeedsSnapshot() && !IsBehind(replica.map(), watch)) watch.requests = 0;
-    const double interval_s = std::min(std::ldexp(kRequestIntervalS, watch.requests / 4), kMaxRequestIntervalS);
+    const double interval_s =
+        std::min(std::ldexp(kRequestIntervalS, watch.requests / kRequestsBeforeLess), kMaxRequestIntervalS);
     if ((!gap && !behind) || now_s - watch.last_request_s < interval_s) continue;
     watch.last_request_s = now_s;
     watch.requests = std::min(watch.requests + 1, kMaxRequestsCounted);

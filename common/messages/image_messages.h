@@ -16,7 +16,7 @@ sensor_msgs::msg::dds_::CompressedImage_ ToWire(const CompressedImage& image, co
 
 /// mono8, rgb8 or bgr8; rows may be padded (`step`). Frame number 0: the receiver counts.
 Result<Image> FromWire(const sensor_msgs::msg::dds_::Image_& wire);
-/// JPEG or PNG, any colours.
+/// JPEG or PNG, any colours, of a size that DecodeGrey takes.
 Result<Image> FromWire(const sensor_msgs::msg::dds_::CompressedImage_& wire);
 
 }  // namespace portolan
