@@ -20,6 +20,11 @@ const Observation* MapPoint::FindObservation(KeyFrameId keyframe) const {
   return found != observations.end() && found->keyframe == keyframe ? &*found : nullptr;
 }
 
+void MapPoint::InsertObservation(const Observation& observation) {
+  const bool is_last = observations.empty() || observations.back().keyframe < observation.keyframe;  // most are
+  observations.insert(is_last ? observations.end() : LowerBound(observations, observation.keyframe), observation);
+}
+
 std::vector<MapPointId> Map::SortedPointIds() const {
   std::vector<MapPointId> ids;
   ids.reserve(points_.size());
@@ -190,12 +195,7 @@ void Map::RemoveObservation(MapPointId point_id, KeyFrameId keyframe_id) {
 
 void Map::LinkObservation(MapPoint* point, KeyFrameId keyframe, uint32_t feature) {
   for (const Observation& o : point->observations) covisibility_.Add(keyframe, o.keyframe);
-  PutObservation(point, keyframe, feature);
-}
-
-/// Without the keyframe's neighbours.
-void Map::PutObservation(MapPoint* point, KeyFrameId keyframe, uint32_t feature) {
-  point->observations.insert(LowerBound(point->observations, keyframe), Observation{keyframe, feature});
+  point->InsertObservation({keyframe, feature});
   MutableKeyFrame(keyframe).landmarks.Set(feature, point->id);
   MarkStale(point, kGeometryStale | kDescriptorStale);
 }

@@ -118,7 +118,6 @@ class Map {
   MapPoint& MutablePoint(MapPointId id);
   void ErasePoint(MapPointId id, MapPointId replaced_by);
   void LinkObservation(MapPoint* point, KeyFrameId keyframe, uint32_t feature);
-  void PutObservation(MapPoint* point, KeyFrameId keyframe, uint32_t feature);
   void UnlinkObservation(MapPoint* point, size_t index);
   void UnlinkAll(MapPoint* point);
   void TakeResiduals(std::vector<CameraResidual> residuals);

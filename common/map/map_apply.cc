@@ -21,14 +21,6 @@ MapDelta::KeyFrameState StateOf(const KeyFrame& keyframe) {
           static_cast<uint32_t>(keyframe.landmarks.num_features())};
 }
 
-/// Behind those of keyframes before it.
-std::vector<Observation>::const_iterator PlaceOf(KeyFrameId keyframe, const std::vector<Observation>& observations) {
-  if (observations.empty() || observations.back().keyframe < keyframe)
-    return observations.end();  // as owners send them
-  return std::lower_bound(observations.begin(), observations.end(), keyframe,
-                          [](const Observation& o, KeyFrameId wanted) { return o.keyframe < wanted; });
-}
-
 }  // namespace
 
 void Map::RemoveUnseenPoints() {
@@ -204,7 +196,7 @@ void Map::PutAllObservations(const MapDelta& delta) {
     if (o.feature < 0) continue;
     if (point == nullptr || point->id != o.point) point = &points_.at(o.point);
     const auto feature = static_cast<uint32_t>(o.feature);
-    point->observations.insert(PlaceOf(o.keyframe, point->observations), {o.keyframe, feature});
+    point->InsertObservation({o.keyframe, feature});
     MarkStale(point, kGeometryStale | kDescriptorStale);
     seen[o.keyframe].emplace_back(feature, o.point);
   }

@@ -33,6 +33,8 @@ struct MapPoint {
   uint8_t stale = 0;        ///< Map's own: which of these are out of date
 
   const Observation* FindObservation(KeyFrameId keyframe) const;
+  /// At its place. Of a keyframe that has none yet.
+  void InsertObservation(const Observation& observation);
 };
 
 }  // namespace portolan
