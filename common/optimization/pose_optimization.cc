@@ -57,6 +57,10 @@ struct PosedCamera {
 double CauchyCost(double squared_error, double width) {
   return width * width * std::log1p(squared_error / (width * width));
 }
+// While the loss is wide.
+constexpr double kNarrowing = 4;   // from round to round
+constexpr double kGateWidths = 3;  // of the next round's loss: what is farther off is left out of it
+
 double CauchyWeight(double squared_error, double width) {
   return 1.0 / (1.0 + squared_error / (width * width));
 }
@@ -185,12 +189,17 @@ PoseOptimizationResult OptimizePose(const PinholeCamera& camera, const PoseMatch
   if (count < kMinMatches) return result;
 
   Rigid3d pose = initial_camera_from_map;
+  double width = std::max(options.first_loss_width, options.loss_width);
   for (int round = 0; round < options.rounds; ++round) {
-    pose = MinimizeOverPose(camera, pose, terms, options.loss_width, options.iterations);
+    pose = MinimizeOverPose(camera, pose, terms, width, options.iterations);
+    const bool is_last_width = width <= options.loss_width;
+    width = std::max(width / kNarrowing, options.loss_width);
+    const double gate =
+        is_last_width ? options.chi2 : std::max(options.chi2, kGateWidths * kGateWidths * width * width);
     bool changed = false;
-    count = ClassifyInliers(camera, pose, options.chi2, &terms, &changed);
+    count = ClassifyInliers(camera, pose, gate, &terms, &changed);
     if (count < kMinMatches) return result;
-    if (!changed) break;
+    if (!changed && is_last_width) break;
   }
 
   result.camera_from_map = pose;

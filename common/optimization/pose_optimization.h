@@ -14,6 +14,9 @@ struct PoseOptimizationOptions {
   int iterations = 10;  ///< Gauss-Newton steps a round, at most
   double chi2 = 5.991;  ///< squared normalised error of an inlier: 95 % of a chi-square with 2 degrees of freedom
   double loss_width = kReprojectionLossWidth;  ///< of Cauchy's loss, sigmas
+  /// Of the first round; it narrows to loss_width by a factor of 4 a round. Wider where the start may be far off: to a
+  /// narrow loss matches that are wrong, but happen to lie near their projection, are the only ones that count.
+  double first_loss_width = kReprojectionLossWidth;
 };
 
 /// Matches for motion-only BA: N landmarks and their pixels.

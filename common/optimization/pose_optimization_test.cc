@@ -96,6 +96,29 @@ TEST(OptimizePoseTest, ErrorsToOneSideHardlyPull) {
   EXPECT_LT(turn({}), 0.2 * turn(least_squares));
 }
 
+TEST(OptimizePoseTest, AWideFirstLossSeesThroughMatchesThatAgreeWithTheStart) {
+  // Features near where a prediction puts the landmarks, as a search in windows around it finds them where they are
+  // not.
+  for (const uint64_t seed : {11, 12, 13}) {
+    View view = RandomView(seed, 400, 0.5, 0);
+    const Rigid3d start = Displaced(view.camera_from_map, 0.02, 0.02);  // some 15 px off
+    Random random(seed);
+    for (size_t i = 0; i < 160; ++i) {
+      const Eigen::Vector3d in_camera = start * view.matches.landmarks_in_map[i];
+      view.matches.pixels_px[i] =
+          TestCamera().Project(in_camera) + RandomNoise(&random, i < 40 ? 0.3 : 8) * view.matches.sigmas_px[i];
+    }
+    const auto narrow = OptimizePose(TestCamera(), view.matches, start);
+    EXPECT_LT(narrow.num_inliers, 120);
+    PoseOptimizationOptions options;
+    options.first_loss_width = 15;
+    options.rounds = 6;
+    const auto wide = OptimizePose(TestCamera(), view.matches, start, options);
+    EXPECT_THAT(wide.camera_from_map, RigidNear(view.camera_from_map, 0.01));
+    EXPECT_GE(wide.num_inliers, 240);
+  }
+}
+
 TEST(OptimizePoseTest, NoSmallMoveReducesTheCost) {
   const View view = RandomView(7, 100, 1, 0);
   PoseOptimizationOptions options;

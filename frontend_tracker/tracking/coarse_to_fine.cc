@@ -10,6 +10,12 @@
 namespace portolan {
 namespace {
 
+// Of motion-only BA in the coarse stage, while its loss narrows from the windows' radius.
+constexpr int kCoarseRounds = 6;
+// Of the reference's landmarks: with a prediction that is farther off than the windows reach, a fifth are found all the
+// same, where they are not.
+constexpr double kFoundByChance = 0.25;
+
 /// Best and second best feature for a descriptor among candidates.
 struct BestMatch {
   int index = -1;
@@ -75,7 +81,7 @@ std::vector<ReferenceLandmark> ReferenceLandmarks(const Map& map, const KeyFrame
   return reference;
 }
 
-int OptimizeFramePose(const Map& map, Frame* frame) {
+int OptimizeFramePose(const Map& map, Frame* frame, const PoseOptimizationOptions& options) {
   const FeatureSet& features = frame->data->features;
   PoseMatches matches;
   std::vector<size_t> feature_of_match;
@@ -92,7 +98,7 @@ int OptimizeFramePose(const Map& map, Frame* frame) {
     matches.sigmas_px.push_back(sigmas[features.octaves[i]]);
     feature_of_match.push_back(i);
   }
-  const PoseOptimizationResult result = OptimizePose(frame->data->camera, matches, frame->camera_from_map);
+  const PoseOptimizationResult result = OptimizePose(frame->data->camera, matches, frame->camera_from_map, options);
   frame->camera_from_map = result.camera_from_map;
   frame->num_candidates = static_cast<int>(feature_of_match.size());  // m
   frame->num_inliers = result.num_inliers;                            // n
@@ -100,6 +106,11 @@ int OptimizeFramePose(const Map& map, Frame* frame) {
     if (!result.inliers[k]) frame->landmarks[feature_of_match[k]] = MapPointId();
   }
   return frame->num_inliers;
+}
+
+bool IsFound(const Frame& frame, const TrackerOptions& options) {
+  return frame.num_inliers >= options.min_tracked_points &&
+         (frame.num_inliers >= options.keyframe.sure_points || frame.Quality() > options.min_tracked_quality);
 }
 
 int MapTracker::TrackCoarse(const Map& map, const std::vector<ReferenceLandmark>& reference,
@@ -125,7 +136,35 @@ int MapTracker::TrackCoarse(const Map& map, const std::vector<ReferenceLandmark>
     turns.emplace_back(feature, data.features.angles_rad[feature] - landmark.angle_rad);
   }
   DropInconsistentOrientation(turns, frame);
-  return OptimizeFramePose(map, frame);
+  PoseOptimizationOptions from_prediction;
+  from_prediction.first_loss_width = radius_px;  // the standard deviation of a location at level 0 is a pixel
+  from_prediction.rounds = kCoarseRounds;
+  return OptimizeFramePose(map, frame, from_prediction);
+}
+
+int MapTracker::TrackCoarse(const Map& map, const std::vector<ReferenceLandmark>& reference,
+                            const std::vector<Rigid3d>& predictions, Frame* frame) const {
+  const auto in_all = static_cast<double>(reference.size());
+  const double enough = options_.min_coarse_share * in_all;
+  const double not_by_chance = std::max<double>(kFoundByChance * in_all, options_.min_coarse_inliers);
+  Frame best;  // pose, landmarks and counts alone
+  for (const double radius_px : {options_.coarse_radius_px, options_.wide_radius_px}) {
+    if (!best.landmarks.empty() && best.num_inliers >= not_by_chance) break;
+    for (const Rigid3d& predicted : predictions) {
+      const int inliers = TrackCoarse(map, reference, predicted, radius_px, frame);
+      if (inliers >= enough) return inliers;
+      if (!best.landmarks.empty() && inliers <= best.num_inliers) continue;
+      best.camera_from_map = frame->camera_from_map;
+      best.landmarks = frame->landmarks;
+      best.num_inliers = frame->num_inliers;
+      best.num_candidates = frame->num_candidates;
+    }
+  }
+  frame->camera_from_map = best.camera_from_map;
+  frame->landmarks = std::move(best.landmarks);
+  frame->num_inliers = best.num_inliers;
+  frame->num_candidates = best.num_candidates;
+  return frame->num_inliers;
 }
 
 int MapTracker::TrackFine(const Map& map, Frame* frame) {

@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "map/map.h"
+#include "optimization/pose_optimization.h"
 #include "tracking/frame.h"
 #include "tracking/local_map.h"
 #include "tracking/tracker_options.h"
@@ -26,7 +27,7 @@ std::vector<ReferenceLandmark> ReferenceLandmarks(const Map& map, const KeyFrame
 /// and counts.
 ///
 ///   MapTracker tracker(options);
-///   int n = tracker.TrackCoarse(reference, predicted_pose, radius, &frame);
+///   int n = tracker.TrackCoarse(map, reference, predicted_poses, &frame);
 ///   n = tracker.TrackFine(map, &frame);
 class MapTracker {
  public:
@@ -37,6 +38,10 @@ class MapTracker {
   /// prediction.
   int TrackCoarse(const Map& map, const std::vector<ReferenceLandmark>& reference,
                   const Rigid3d& predicted_camera_from_map, double radius_px, Frame* frame) const;
+  /// The same from the first of several predictions by which enough of the reference's landmarks are found, else from
+  /// the best; in wide windows too where no prediction finds more in the usual ones than a wrong one would.
+  int TrackCoarse(const Map& map, const std::vector<ReferenceLandmark>& reference,
+                  const std::vector<Rigid3d>& predictions, Frame* frame) const;
 
   /// Fine stage: adds landmarks of the local map that have no feature yet, in small windows if the coarse stage found
   /// enough and wider ones if not, then motion-only BA over all. Sets the frame's reference keyframe. @return number of
@@ -54,8 +59,11 @@ class MapTracker {
 };
 
 /// Motion-only BA (paper Sec. 3.2) of a frame over its landmarks; sets its pose and its counts n and m, and takes
-/// outliers out of it.
-/// @return n.
-int OptimizeFramePose(const Map& map, Frame* frame);
+/// outliers out of it. @return n.
+int OptimizeFramePose(const Map& map, Frame* frame, const PoseOptimizationOptions& options = {});
+
+/// Whether a frame counts as tracked: enough landmarks agree with its pose, and more of those matched than would with a
+/// wrong one.
+bool IsFound(const Frame& frame, const TrackerOptions& options);
 
 }  // namespace portolan

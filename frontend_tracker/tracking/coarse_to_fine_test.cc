@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <set>
+#include <vector>
 
 #include "tracking/synthetic_frame.h"
 
@@ -86,6 +87,34 @@ TEST(CoarseToFine, NoiseOutliersAndClutterLeaveThePoseWithinItsSigma) {
   EXPECT_LT(CountWrongLandmarks(s.scene, kFrameView, s.map, frame.landmarks), 0.03 * fine);
 }
 
+TEST(CoarseToFine, WhereTheWindowsDoNotReachWiderOnesDo) {
+  SyntheticSceneOptions options;
+  options.pixel_sigma_px = 0.5;
+  options.num_clutter = 1500;
+  const Setting s(options);
+  const MapTrackingOptions tracking;
+  MapTracker tracker{tracking};
+  Frame frame = FrameOfView(s.scene, kFrameView);
+  const Rigid3d far = Rigid3d(ExpSO3({0.03, -0.07, 0}), Eigen::Vector3d::Zero()) * s.truth;  // some 38 px off
+  const auto most = static_cast<int>(s.reference.size());
+  EXPECT_LT(tracker.TrackCoarse(s.map, s.reference, far, tracking.coarse_radius_px, &frame), most / 4);
+  EXPECT_GT(tracker.TrackCoarse(s.map, s.reference, {far}, &frame), most / 2);
+  EXPECT_LT(RotationError(frame, s), 3e-3);
+}
+
+TEST(CoarseToFine, TheBestOfSeveralPredictionsIsTaken) {
+  const Setting s({});
+  MapTracker tracker{MapTrackingOptions()};
+  const Rigid3d away(ExpSO3({0, M_PI, 0}) * s.truth.rotation, s.truth.translation);
+  for (const std::vector<Rigid3d>& predictions : {std::vector<Rigid3d>{away, s.Prediction()}, {s.Prediction(), away}}) {
+    Frame frame = FrameOfView(s.scene, kFrameView);
+    const int inliers = tracker.TrackCoarse(s.map, s.reference, predictions, &frame);
+    EXPECT_GT(inliers, 0.8 * static_cast<double>(s.reference.size()));
+    EXPECT_EQ(inliers, frame.num_inliers);
+    EXPECT_LT(RotationError(frame, s), 1e-5);
+  }
+}
+
 TEST(CoarseToFine, NoMatchLeavesThePrediction) {
   const Setting s({});
   MapTracker tracker{MapTrackingOptions()};
@@ -138,6 +167,24 @@ TEST(OptimizeFramePose, TakesOutliersAndVanishedLandmarksOut) {
   EXPECT_FALSE(frame.landmarks[first].IsValid() || frame.landmarks[second].IsValid() ||
                frame.landmarks[third].IsValid());
   EXPECT_LT(RotationError(frame, s), 1e-5);
+}
+
+TEST(IsFound, ByNumberAndShareOfInliers) {
+  TrackerOptions options;
+  options.min_tracked_points = 20;
+  options.min_tracked_quality = 0.3;
+  options.keyframe.sure_points = 100;
+  const auto is_found = [&](int inliers, int candidates) {
+    Frame frame;
+    frame.num_inliers = inliers;
+    frame.num_candidates = candidates;
+    return IsFound(frame, options);
+  };
+  EXPECT_TRUE(is_found(20, 60));
+  EXPECT_FALSE(is_found(19, 19));
+  EXPECT_FALSE(is_found(29, 175));  // leaves of a plant, a picture away from where they were mapped
+  EXPECT_TRUE(is_found(100, 500));
+  EXPECT_FALSE(is_found(0, 0));
 }
 
 TEST(ReferenceLandmarks, LeavesOutWhatIsNoLandmarkOrGone) {

@@ -159,42 +159,19 @@ std::vector<Rigid3d> Tracker::PredictPoses(const Frame& frame) {
   return {Rigid3d(rotation, -(rotation * centre)), by_velocity};
 }
 
-int Tracker::TrackCoarse(const Map& map, const std::vector<Rigid3d>& predictions, double radius_px,
-                         Frame* frame) const {
-  const double enough = options_.map_tracking.min_coarse_share * static_cast<double>(reference_.size());
-  Frame best;  // pose, landmarks and counts alone
-  for (const Rigid3d& predicted : predictions) {
-    const int inliers = map_tracker_.TrackCoarse(map, reference_, predicted, radius_px, frame);
-    if (inliers >= enough) return inliers;
-    if (best.landmarks.empty() || inliers > best.num_inliers) {
-      best.camera_from_map = frame->camera_from_map;
-      best.landmarks = frame->landmarks;
-      best.num_inliers = frame->num_inliers;
-      best.num_candidates = frame->num_candidates;
-    }
-  }
-  frame->camera_from_map = best.camera_from_map;
-  frame->landmarks = std::move(best.landmarks);
-  frame->num_inliers = best.num_inliers;
-  frame->num_candidates = best.num_candidates;
-  return frame->num_inliers;
-}
-
 bool Tracker::TrackByMotion(const Map& map, Frame* frame) {
   const std::vector<Rigid3d> predictions = PredictPoses(*frame);
   Stopwatch stopwatch;
-  const MapTrackingOptions& options = options_.map_tracking;
-  int inliers = TrackCoarse(map, predictions, options.coarse_radius_px, frame);
-  if (inliers < options.min_coarse_inliers) inliers = TrackCoarse(map, predictions, options.wide_radius_px, frame);
+  const int inliers = map_tracker_.TrackCoarse(map, reference_, predictions, frame);
   stage_times_.Add("coarse", stopwatch.Milliseconds());
   if (inliers < options_.keyframe.min_points) {
     frame->camera_from_map = predictions.front();
     return false;
   }
   stopwatch.Restart();
-  inliers = map_tracker_.TrackFine(map, frame);
+  map_tracker_.TrackFine(map, frame);
   stage_times_.Add("fine", stopwatch.Milliseconds());
-  return inliers >= options_.min_tracked_points;
+  return IsFound(*frame, options_);
 }
 
 bool Tracker::TrackInMap(Frame* frame) {
@@ -211,7 +188,7 @@ bool Tracker::TrackInMap(Frame* frame) {
   };
   const bool found =
       (relocalizer_.TrackKeyFrame(map, reference_keyframe_, options_.min_tracked_points, &map_tracker_, frame) &&
-       is_right()) ||
+       IsFound(*frame, options_) && is_right()) ||
       relocalizer_.Relocalize(map, maps_.index(active_map_), reach, &map_tracker_, frame);
   stage_times_.Add("relocalize", stopwatch.Milliseconds());
   if (found) {

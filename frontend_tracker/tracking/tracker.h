@@ -129,9 +129,6 @@ class Tracker {
   // Paper Fig. 2 and Sec. 3.2.
   /// Where the camera may be, the likeliest first.
   std::vector<Rigid3d> PredictPoses(const Frame& frame);
-  /// The coarse stage from the first prediction by which it finds enough of the reference's landmarks, else from the
-  /// best. @return n.
-  int TrackCoarse(const Map& map, const std::vector<Rigid3d>& predictions, double radius_px, Frame* frame) const;
   bool TrackInMap(Frame* frame);
   bool TrackByMotion(const Map& map, Frame* frame);
   void OnTracked(Frame* frame, Output* output);

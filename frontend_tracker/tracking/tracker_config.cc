@@ -14,6 +14,7 @@ void ReadOrb(ConfigReader* config, OrbOptions* orb) {
 
 void ReadTracker(ConfigReader* config, TrackerOptions* tracker) {
   config->Read("tracker.min_tracked_points", &tracker->min_tracked_points, {4, 1000});
+  config->Read("tracker.min_tracked_quality", &tracker->min_tracked_quality, {0, 0.99});
   config->Read("tracker.max_lost_frames", &tracker->max_lost_frames, {1, 1000});
   config->Read("tracker.max_map_keyframes", &tracker->max_map_keyframes, {0, 1'000'000});
   config->Read("tracker.localization_only", &tracker->localization_only);

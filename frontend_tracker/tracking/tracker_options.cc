@@ -40,6 +40,8 @@ Status TrackerOptions::Check() const {
   Require(relocalizer.max_candidates >= 1, "tracker.relocalizer.max_candidates", relocalizer.max_candidates,
           "at least 1", &problem);
   Require(min_tracked_points >= 4, "tracker.min_tracked_points", min_tracked_points, "at least 4", &problem);
+  Require(min_tracked_quality >= 0 && min_tracked_quality < 1, "tracker.min_tracked_quality", min_tracked_quality,
+          "0 to 1", &problem);
   Require(max_map_keyframes == 0 || max_map_keyframes >= 5, "tracker.max_map_keyframes", max_map_keyframes,
           "0, or at least 5", &problem);
   Require(max_lost_frames >= 1, "tracker.max_lost_frames", max_lost_frames, "at least 1", &problem);

@@ -8,7 +8,7 @@ namespace portolan {
 /// Coarse-to-fine tracking in the map (paper Sec. 3.2).
 struct MapTrackingOptions {
   double coarse_radius_px = 15.0;  ///< search window of the first stage, at level 0; grows with the feature's level
-  double wide_radius_px = 45.0;    ///< when the first stage finds too little
+  double wide_radius_px = 45.0;    ///< when the first stage finds no more than by chance
   /// Of the reference's landmarks; with fewer found, other predictions are tried too.
   double min_coarse_share = 0.5;
   double fine_radius_px = 4.0;        ///< second stage, when the first had enough inliers
@@ -77,7 +77,10 @@ struct TrackerOptions {
   InitializerOptions initializer;
   RelocalizerOptions relocalizer;
   int min_tracked_points = 20;  ///< inliers of a frame that counts as tracked
-  int max_lost_frames = 5;      ///< "more than five frames" that can't be tracked: lost (paper Sec. 3.4)
+  /// The same: s = n / m, unless there are keyframe.sure_points. In windows of the fine stage a wrong pose finds that
+  /// much by chance.
+  double min_tracked_quality = 0.3;
+  int max_lost_frames = 5;  ///< "more than five frames" that can't be tracked: lost (paper Sec. 3.4)
   /// A map with so many is full: where it ends a new one begins (paper Sec. 3.4); 0: unlimited.
   int max_map_keyframes = 0;
   bool localization_only = false;  ///< changes no map: neither keyframes nor new maps
