@@ -128,7 +128,7 @@ std::vector<OtherMap> MapShelf::Others(const std::vector<MapId>& order) const {
   std::vector<OtherMap> others;
   for (const MapId id : order) {
     const Map* map = FindMap(id);
-    if (map != nullptr && words_.size(id) > 0) others.push_back({map, &words_});
+    if (map != nullptr && words_.size(id) > 0) others.push_back(OtherMap::Of(*map, &words_));
   }
   return others;
 }

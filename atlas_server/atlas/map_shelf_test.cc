@@ -58,7 +58,7 @@ TEST_F(MapShelfTest, IndexesTheWordsOfEachMap) {
   EXPECT_EQ(shelf.indexed_keyframes(), 40u);
   const auto others = shelf.Others({maps_.second.id(), MapId(9, 9, 9), maps_.first.id()});
   ASSERT_EQ(others.size(), 2u);
-  EXPECT_EQ(others[0].map->id(), maps_.second.id());
+  EXPECT_EQ(others[0].id, maps_.second.id());
   EXPECT_EQ(others[1].num_keyframes(), 20u);
   for (const auto& [id, keyframe] : maps_.first.keyframes()) EXPECT_EQ(*shelf.FindWords(id), keyframe.data->bow) << id;
 }

@@ -50,8 +50,8 @@ std::vector<std::vector<SharedWords>> QueryMaps(const BowVector& bow, const std:
   if (maps.empty()) return {};
   std::vector<MapId> parts;
   for (const OtherMap* other : maps) {
-    PORTOLAN_CHECK(other->words == maps.front()->words) << "map " << other->map->id() << " has an index of its own";
-    parts.push_back(other->map->id());
+    PORTOLAN_CHECK(other->words == maps.front()->words) << "map " << other->id << " has an index of its own";
+    parts.push_back(other->id);
   }
   return maps.front()->words->Query(bow, parts);
 }
@@ -131,10 +131,10 @@ std::vector<const OtherMap*> OverlapDetector::ChooseMaps(const std::vector<Other
   return chosen;
 }
 
-std::vector<KeyFrameId> OverlapDetector::GroupOf(const Map& map, KeyFrameId keyframe) const {
-  std::vector<KeyFrameId> group{keyframe};
-  for (const auto& [id, common] : map.CovisibleKeyFrames(keyframe, 1, options_.candidates.neighbours))
-    group.push_back(id);
+std::vector<KeyFrameId> OverlapDetector::GroupOf(const OtherMap& map, KeyFrameId keyframe) const {
+  std::vector<KeyFrameId> group =
+      map.neighbours(keyframe, options_.candidates.neighbours).value_or(std::vector<KeyFrameId>());
+  group.push_back(keyframe);
   return group;
 }
 
@@ -155,10 +155,10 @@ std::vector<OverlapDetector::Found> OverlapDetector::FindConsistent(const BowVec
       std::min(options.most_scored, std::max(kMinScoredOfMap, kMaxScored / std::max<size_t>(maps.size(), 1)));
   const auto shared = QueryMaps(MostTelling(bow, kMaxWords / std::max<size_t>(maps.size(), 1)), maps);
   for (size_t m = 0; m < maps.size(); ++m) {
-    const std::vector<Candidate> candidates = FindCandidates(shared[m], *maps[m]->map, options, nullptr);
+    const std::vector<Candidate> candidates = FindCandidates(shared[m], maps[m]->neighbours, options, nullptr);
     detection->candidates += static_cast<int>(candidates.size());
     for (size_t i = 0; i < candidates.size(); ++i) {
-      const std::vector<KeyFrameId> group = GroupOf(*maps[m]->map, candidates[i].keyframe);
+      const std::vector<KeyFrameId> group = GroupOf(*maps[m], candidates[i].keyframe);
       const auto is_in = [&](const std::unordered_set<KeyFrameId>& set) {
         return std::any_of(group.begin(), group.end(), [&](KeyFrameId id) { return set.count(id) == 1; });
       };
@@ -185,7 +185,7 @@ std::vector<OverlapDetector::Found> OverlapDetector::FindConsistent(const BowVec
 void OverlapDetector::GiveATurn(const Memory& memory, std::vector<Found>* candidates) const {
   if (options_.max_verified < 2 || candidates->size() <= static_cast<size_t>(options_.max_verified)) return;
   const auto last_round = [&](const Found& found) {
-    const auto verified = memory.verified.find(found.other->map->id());
+    const auto verified = memory.verified.find(found.other->id);
     return verified == memory.verified.end() ? 0 : verified->second;
   };
   const auto last = candidates->begin() + (options_.max_verified - 1);
@@ -194,13 +194,12 @@ void OverlapDetector::GiveATurn(const Memory& memory, std::vector<Found>* candid
   std::rotate(last, longest, longest + 1);
 }
 
-bool OverlapDetector::EnsureBoth(const Map& map, KeyFrameId current, const Found& found,
+bool OverlapDetector::EnsureBoth(const Map& map, KeyFrameId current, const Map& other, KeyFrameId matched,
                                  const EnsureAppearance& ensure) const {
   if (!ensure) return true;
   const Sim3VerificationOptions& verification = options_.verification;
   return ensure(map, KeyFramesRead(map, current, verification.neighbourhood, verification.consistency_keyframes + 1)) &&
-         ensure(*found.other->map, KeyFramesRead(*found.other->map, found.candidate.keyframe,
-                                                 verification.neighbourhood, verification.word_keyframes));
+         ensure(other, KeyFramesRead(other, matched, verification.neighbourhood, verification.word_keyframes));
 }
 
 std::vector<DetectedOverlap> OverlapDetector::Verify(const Map& map, KeyFrameId current,
@@ -211,15 +210,16 @@ std::vector<DetectedOverlap> OverlapDetector::Verify(const Map& map, KeyFrameId 
   std::unordered_set<KeyFrameId> refused;
   for (const Found& found : candidates) {
     if (detection->verified == options_.max_verified) break;
-    const Map& other = *found.other->map;
     const KeyFrameId matched = found.candidate.keyframe;
     const auto refuse = [&](const std::string& reason) {
-      detection->refusals.push_back({map.id(), other.id(), current, matched, reason});
+      detection->refusals.push_back({map.id(), found.other->id, current, matched, reason});
     };
-    if (!EnsureBoth(map, current, found, ensure)) {
-      refuse("its descriptors are still being read");
+    const Map* opened = found.other->open();
+    if (opened == nullptr || !EnsureBoth(map, current, *opened, matched, ensure)) {
+      refuse(opened == nullptr ? "its map is still being read" : "its descriptors are still being read");
       continue;
     }
+    const Map& other = *opened;
     ++detection->verified;
     memory->verified[other.id()] = memory->round;
     const Stopwatch stopwatch;
@@ -227,7 +227,7 @@ std::vector<DetectedOverlap> OverlapDetector::Verify(const Map& map, KeyFrameId 
     times->Add("lookup_verify", stopwatch.Milliseconds());
     if (!place) {
       refuse(place.error().message);
-      const std::vector<KeyFrameId> group = GroupOf(other, matched);
+      const std::vector<KeyFrameId> group = GroupOf(*found.other, matched);
       refused.insert(group.begin(), group.end());
       continue;
     }

@@ -40,13 +40,20 @@ struct OverlapOptions {
   Status Check() const;
 };
 
-/// A map in which a place is looked for.
+/// A map in which a place is looked for: by what is known of its keyframes at all times, and then in the map itself,
+/// which may have to be read first.
 struct OtherMap {
-  const Map* map = nullptr;
+  MapId id;
   /// Of its keyframes, as its part; one index for all maps that are looked in at a time.
   const KeyFrameIndex* words = nullptr;
+  NeighboursOf neighbours;
+  std::function<const Map*()> open;  ///< null: not yet, or it can't be read
 
-  size_t num_keyframes() const { return words->size(map->id()); }
+  /// Of a map in memory, which must outlive this.
+  static OtherMap Of(const Map& map, const KeyFrameIndex* words) {
+    return {map.id(), words, NeighboursIn(map), [&map] { return &map; }};
+  }
+  size_t num_keyframes() const { return words->size(id); }
 };
 
 /// What a keyframe shares with those of each map, in their order: its words are looked up once for all of them.
@@ -131,8 +138,9 @@ class OverlapDetector {
   std::vector<Found> FindConsistent(const BowVector& bow, const std::vector<const OtherMap*>& maps, Memory* memory,
                                     OverlapDetection* detection) const;
   void GiveATurn(const Memory& memory, std::vector<Found>* candidates) const;
-  std::vector<KeyFrameId> GroupOf(const Map& map, KeyFrameId keyframe) const;
-  bool EnsureBoth(const Map& map, KeyFrameId current, const Found& found, const EnsureAppearance& ensure) const;
+  std::vector<KeyFrameId> GroupOf(const OtherMap& map, KeyFrameId keyframe) const;
+  bool EnsureBoth(const Map& map, KeyFrameId current, const Map& other, KeyFrameId matched,
+                  const EnsureAppearance& ensure) const;
   std::vector<DetectedOverlap> Verify(const Map& map, KeyFrameId current, const std::vector<Found>& candidates,
                                       const EnsureAppearance& ensure, Memory* memory, OverlapDetection* detection,
                                       StageTimes* times) const;

@@ -28,7 +28,7 @@ class Shelf {
   }
   std::vector<OtherMap> AsOthers() const {
     std::vector<OtherMap> others;
-    for (const Map& map : maps_) others.push_back({&map, &words_});
+    for (const Map& map : maps_) others.push_back(OtherMap::Of(map, &words_));
     return others;
   }
 
@@ -208,7 +208,7 @@ TEST_F(OverlapDetectorTest, MapsBeyondTheBoundTakeTurns) {
     EXPECT_EQ(detection.keyframes, 60u) << view;
   }
   EXPECT_EQ(looked_up.size(), 6u) << "each had its turn";
-  EXPECT_GT(looked_up[others[0].map], looked_up[others[5].map]) << "the first in order is looked at each time";
+  EXPECT_GT(looked_up[others[0].open()], looked_up[others[5].open()]) << "the first in order is looked at each time";
 }
 
 TEST_F(OverlapDetectorTest, WaitsForDescriptorsThatAreStillBeingRead) {
@@ -226,6 +226,28 @@ TEST_F(OverlapDetectorTest, WaitsForDescriptorsThatAreStillBeingRead) {
   EXPECT_THAT(waiting.refusals[0].reason, HasSubstr("still being read"));
   EXPECT_EQ(asked.size(), options_.verification.word_keyframes);
   EXPECT_TRUE(Detect(&detector, 9).confirmed);
+}
+
+/// Words rank its keyframes; it is opened for what is verified.
+TEST_F(OverlapDetectorTest, WaitsForAMapThatIsStillBeingRead) {
+  options_.consistent_rounds = 0;
+  OverlapDetector detector(options_), in_memory(options_);
+  OtherMap other = maps_.FirstAsOther();
+  int opened = 0;
+  other.open = [&]() -> const Map* {
+    ++opened;
+    return nullptr;
+  };
+  const OverlapDetection waiting = Detect(&detector, 8, {other}), expected = Detect(&in_memory, 8);
+  EXPECT_EQ(waiting.candidates, expected.candidates);
+  EXPECT_EQ(waiting.verified, 0);
+  EXPECT_FALSE(waiting.confirmed);
+  EXPECT_EQ(opened, waiting.consistent);
+  ASSERT_FALSE(waiting.refusals.empty());
+  EXPECT_EQ(waiting.refusals[0].other, maps_.first.id());
+  EXPECT_THAT(waiting.refusals[0].reason, HasSubstr("map is still being read"));
+  other.open = [this] { return &maps_.first; };
+  EXPECT_TRUE(Detect(&detector, 9, {other}).confirmed);
 }
 
 TEST_F(OverlapDetectorTest, OptionsAreChecked) {

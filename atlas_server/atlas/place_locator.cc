@@ -28,7 +28,7 @@ std::vector<Found> FindBest(const BowVector& bow, const std::vector<OtherMap>& m
   const auto shared = QueryMaps(bow, looked_in);
   std::vector<Found> found;
   for (size_t m = 0; m < looked_in.size(); ++m) {
-    for (const Candidate& candidate : FindCandidates(shared[m], *looked_in[m]->map, options.candidates, nullptr))
+    for (const Candidate& candidate : FindCandidates(shared[m], looked_in[m]->neighbours, options.candidates, nullptr))
       found.push_back({looked_in[m], candidate});
   }
   std::stable_sort(found.begin(), found.end(), [](const Found& a, const Found& b) {
@@ -66,9 +66,8 @@ Matches MatchLandmarks(const KeyFrameData& frame, const Map& map, const std::vec
   return matches;
 }
 
-Result<LocatedFrame> Verify(const KeyFrameData& frame, const Found& found, const std::vector<KeyFrameId>& keyframes,
-                            const LocatorOptions& options) {
-  const Map& map = *found.map->map;
+Result<LocatedFrame> Verify(const KeyFrameData& frame, const Map& map, KeyFrameId candidate,
+                            const std::vector<KeyFrameId>& keyframes, const LocatorOptions& options) {
   const Matches matches = MatchLandmarks(frame, map, keyframes, options.words);
   if (static_cast<int>(matches.pixels_px.size()) < options.min_matches)
     return Error{
@@ -78,7 +77,7 @@ Result<LocatedFrame> Verify(const KeyFrameData& frame, const Found& found, const
   const Result<AbsolutePose> pose =
       EstimateAbsolutePose(frame.camera, matches.landmarks_in_map, matches.pixels_px, matches.sigmas_px, pose_options);
   if (!pose) return pose.error();
-  return LocatedFrame{map.id(), found.candidate.keyframe, pose->num_inliers, pose->camera_from_map};
+  return LocatedFrame{map.id(), candidate, pose->num_inliers, pose->camera_from_map};
 }
 
 }  // namespace
@@ -92,18 +91,19 @@ Result<LocatedFrame> LocateFrame(const KeyFrameData& frame, const BowVector& bow
   int tried = 0;
   for (const Found& found : candidates) {
     if (tried == options.max_verified) break;
-    const std::vector<KeyFrameId> keyframes =
-        KeyFramesRead(*found.map->map, found.candidate.keyframe, {}, options.word_keyframes);
-    if (ensure && !ensure(*found.map->map, keyframes)) continue;
+    const Map* map = found.map->open();
+    if (map == nullptr) continue;
+    const std::vector<KeyFrameId> keyframes = KeyFramesRead(*map, found.candidate.keyframe, {}, options.word_keyframes);
+    if (ensure && !ensure(*map, keyframes)) continue;
     ++tried;
-    Result<LocatedFrame> located = Verify(frame, found, keyframes, options);
-    const std::string place =
-        "keyframe " + ToString(found.candidate.keyframe) + " of map " + ToString(found.map->map->id());
+    Result<LocatedFrame> located = Verify(frame, *map, found.candidate.keyframe, keyframes, options);
+    const std::string place = "keyframe " + ToString(found.candidate.keyframe) + " of map " + ToString(map->id());
     if (!located && !best && best.error().message.empty())
       best = Error{"best candidate is " + place + ": " + located.error().message};
     if (located && (!best || best->inliers < located->inliers)) best = std::move(located);
   }
-  if (!best && best.error().message.empty()) best = Error{"the descriptors of the candidates are still being read"};
+  if (!best && best.error().message.empty())
+    best = Error{"the maps or the descriptors of the candidates are still being read"};
   times->Add("locate", stopwatch.Milliseconds());
   return best;
 }

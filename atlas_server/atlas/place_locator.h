@@ -33,7 +33,7 @@ struct LocatedFrame {
 /// Sec. 3.1). The one with the most inliers of those verified. Fails with the reason in words and numbers.
 /// Deterministic.
 /// @param frame with direct index. @param bow its words. @param ensure see OverlapDetector; a candidate whose
-/// descriptors are not there is passed over.
+/// map or descriptors are not there is passed over.
 Result<LocatedFrame> LocateFrame(const KeyFrameData& frame, const BowVector& bow, const std::vector<OtherMap>& maps,
                                  const OverlapDetector::EnsureAppearance& ensure, const LocatorOptions& options,
                                  StageTimes* times);

@@ -53,6 +53,11 @@ TEST_F(PlaceLocatorTest, SaysWhenThereIsNothingToCompareWith) {
   const auto waiting = Locate(5, [](const Map&, const std::vector<KeyFrameId>&) { return false; });
   ASSERT_FALSE(waiting.ok());
   EXPECT_THAT(waiting.error().message, HasSubstr("still being read"));
+  OtherMap paged = maps_.FirstAsOther();
+  paged.open = [] { return nullptr; };
+  const auto unread = LocateFrame(frame, frame.bow, {paged}, nullptr, options_, &times_);
+  ASSERT_FALSE(unread.ok());
+  EXPECT_THAT(unread.error().message, HasSubstr("still being read"));
 }
 
 }  // namespace

@@ -35,7 +35,7 @@ struct TwoMaps {
   }
   static Sim3d SecondFromFirst() { return Sim3d(0.6, ExpSO3({0.3, -0.6, 0.2}), {0.3, -1.2, 0.8}); }
   KeyFrameId Second(size_t view) const { return passes.second.views[view].data->id; }
-  OtherMap FirstAsOther() const { return {&first, &words}; }
+  OtherMap FirstAsOther() const { return OtherMap::Of(first, &words); }
 
   TwoPasses passes;
   Map first, second;

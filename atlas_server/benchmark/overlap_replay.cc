@@ -85,7 +85,7 @@ Status Run(const Arguments& arguments) {
   const size_t query = arguments.query == 0 ? maps->size() - 1 : arguments.query - 1;
   std::vector<OtherMap> others;
   for (size_t m = maps->size(); m-- > 0;) {
-    if (m != query) others.push_back({&(*maps)[m], &words});
+    if (m != query) others.push_back(OtherMap::Of((*maps)[m], &words));
   }
   const Map& map = (*maps)[query];
   OverlapDetector detector(arguments.options);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <vector>
 
 #include "map/map.h"
@@ -30,6 +31,14 @@ std::vector<Candidate> FindCandidates(const BowVector& bow, const KeyFrameIndex&
                                       const CandidateOptions& options, const std::function<bool(KeyFrameId)>& exclude);
 /// The same for what an index has found already (KeyFrameIndex::Query).
 std::vector<Candidate> FindCandidates(const std::vector<SharedWords>& shared, const Map& map,
+                                      const CandidateOptions& options, const std::function<bool(KeyFrameId)>& exclude);
+
+/// Covisible keyframes of one, those with most common points first, `most` at most; none if it is not in the map.
+using NeighboursOf = std::function<std::optional<std::vector<KeyFrameId>>(KeyFrameId keyframe, size_t most)>;
+/// As the map has them, which must outlive what is returned.
+NeighboursOf NeighboursIn(const Map& map);
+/// The same for a map of which no more is known.
+std::vector<Candidate> FindCandidates(const std::vector<SharedWords>& shared, const NeighboursOf& neighbours,
                                       const CandidateOptions& options, const std::function<bool(KeyFrameId)>& exclude);
 
 }  // namespace portolan

@@ -55,6 +55,27 @@ class CandidatesTest : public ::testing::Test {
   uint32_t last_point_ = 0;
 };
 
+TEST_F(CandidatesTest, NeedsOfAMapTheNeighboursAlone) {
+  for (const uint32_t number : {1, 2, 3}) AddKeyFrame(number, {1, 2, 3, 4});
+  Tie(1, 2, 0);
+  EXPECT_EQ(NeighboursIn(map_)(Id(1), 10), std::vector<KeyFrameId>{Id(2)});
+  EXPECT_FALSE(NeighboursIn(map_)(Id(9), 10)) << "not in the map";
+  CandidateOptions options;
+  options.min_score = 0;
+  const std::vector<SharedWords> shared = index_.Query(Bag({1, 2, 3, 4}));
+  const auto all = FindCandidates(shared, map_, options, nullptr);
+  const auto without_third = [&](KeyFrameId id, size_t most) {
+    return id == Id(3) ? std::nullopt : NeighboursIn(map_)(id, most);
+  };
+  const auto known = FindCandidates(shared, without_third, options, nullptr);
+  ASSERT_THAT(all, SizeIs(3));
+  ASSERT_THAT(known, SizeIs(2));
+  for (size_t i = 0; i < known.size(); ++i) {
+    EXPECT_EQ(known[i].keyframe, all[i].keyframe);
+    EXPECT_EQ(known[i].accumulated_score, 2);
+  }
+}
+
 TEST_F(CandidatesTest, FindsTheKeyFrameWithTheSameWords) {
   AddKeyFrame(1, {1, 2, 3, 4});
   AddKeyFrame(2, {11, 12, 13, 14});
