@@ -19,6 +19,15 @@ bool HeldFor(bool condition, double patience_s, double now_s, std::optional<doub
   return condition && now_s - **since >= patience_s;
 }
 
+void Add(const MapReplica::Counters& counted, MapReplica::Counters* sum) {
+  sum->applied += counted.applied;
+  sum->stale_epoch += counted.stale_epoch;
+  sum->repeated += counted.repeated;
+  sum->rejected += counted.rejected;
+  sum->gaps += counted.gaps;
+  sum->overflow += counted.overflow;
+}
+
 }  // namespace
 
 MapReplica* ReplicaSet::Replica(MapId map) {
@@ -28,7 +37,7 @@ MapReplica* ReplicaSet::Replica(MapId map) {
     return &known->second;
   }
   if (replicas_.size() >= kMaxMaps) {
-    ++refused_;
+    ++other_counters_.rejected;
     return nullptr;
   }
   ForgetLongestUnheardEmptyMap();
@@ -72,8 +81,18 @@ std::optional<MapReplica> ReplicaSet::Take(MapId map) {
   return taken;
 }
 
+void ReplicaSet::Put(MapReplica replica) {
+  const MapId map = replica.map().id();
+  watches_[map].last_heard = ++heard_;
+  replicas_.insert_or_assign(map, std::move(replica));
+}
+
 void ReplicaSet::Forget(MapId map) {
-  replicas_.erase(map);
+  const auto replica = replicas_.find(map);
+  if (replica != replicas_.end()) {
+    Add(replica->second.counters(), &other_counters_);
+    replicas_.erase(replica);
+  }
   watches_.erase(map);
 }
 
@@ -190,17 +209,8 @@ bool ReplicaSet::IsBehind(MapId map) const {
 }
 
 MapReplica::Counters ReplicaSet::counters() const {
-  MapReplica::Counters sum;
-  sum.rejected = refused_;
-  for (const auto& [id, replica] : replicas_) {
-    const MapReplica::Counters& counted = replica.counters();
-    sum.applied += counted.applied;
-    sum.stale_epoch += counted.stale_epoch;
-    sum.repeated += counted.repeated;
-    sum.rejected += counted.rejected;
-    sum.gaps += counted.gaps;
-    sum.overflow += counted.overflow;
-  }
+  MapReplica::Counters sum = other_counters_;
+  for (const auto& [id, replica] : replicas_) Add(replica.counters(), &sum);
   return sum;
 }
 

@@ -38,6 +38,8 @@ class ReplicaSet {
 
   /// Hands out the replica of a map, to be gone on with elsewhere; it is forgotten here. None if there is none.
   std::optional<MapReplica> Take(MapId map);
+  /// Goes on with a replica that was made elsewhere, of a map that is not followed here.
+  void Put(MapReplica replica);
   /// Forgets a map that is of no interest any more; what comes of it later is followed again.
   void Forget(MapId map);
   /// Forgets a map that is no more: what still comes of it is ignored, up to the last epoch that was heard of here.
@@ -61,7 +63,7 @@ class ReplicaSet {
   Revision Lag(MapId map) const;
   /// Whether its owner has announced more of the map, or another epoch of it, than is here.
   bool IsBehind(MapId map) const;
-  /// Sums over all replicas; rejected has what came of maps beyond kMaxMaps, too.
+  /// Sums over all replicas, those that are forgotten too; rejected has what came of maps beyond kMaxMaps.
   MapReplica::Counters counters() const;
 
   /// Data kept of each map that is in no delta yet, the newest; frames that were offered to begin a map and refused are
@@ -99,7 +101,7 @@ class ReplicaSet {
   std::map<MapId, Epoch> removed_;  // with the last epoch heard of
   DeltaAssembler assembler_;
   uint64_t heard_ = 0;
-  uint64_t refused_ = 0;
+  MapReplica::Counters other_counters_;  // of replicas that are forgotten, and of maps that were refused
 };
 
 }  // namespace portolan

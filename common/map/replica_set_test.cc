@@ -244,6 +244,23 @@ TEST_F(ReplicaSetTest, InventedMapsPushOutNoneThatIs) {
   ExpectEqual(b_);
 }
 
+TEST_F(ReplicaSetTest, AReplicaIsHandedOutAndGoneOnWithLater) {
+  FollowOneChange();
+  set_.ApplyPending();
+  std::optional<MapReplica> taken = set_.Take(a_.id());
+  ASSERT_TRUE(taken);
+  EXPECT_EQ(set_.counters().applied, 1u) << "what was, was";
+  MapReplica other(a_.id());
+  for (const auto& [id, data] : edits_a_.data()) other.AddKeyFrameData(data);
+  other.AddDelta(a_.Snapshot());
+  other.ApplyPending();
+  set_.Put(std::move(other));
+  ExpectEqual(a_);
+  FollowOneChange();
+  set_.ApplyPending();
+  ExpectEqual(a_);
+}
+
 TEST_F(ReplicaSetTest, ThereAreMapsWithoutEndForNobody) {
   for (uint32_t i = 0; i <= ReplicaSet::kMaxMaps; ++i) {
     MapDelta snapshot;
