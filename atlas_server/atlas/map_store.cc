@@ -384,21 +384,27 @@ Result<MapStore::StoredMap> MapStore::LoadMap(MapId id) {
   return map;
 }
 
-Result<MapStore::StoredMap> MapStore::ReadMap(MapId id) {
+Result<MapDelta> MapStore::LoadState(MapId id) {
+  Result<MapDelta> state = ReadState(id);
+  if (!state) return At({"map " + ToString(id) + ": " + state.error().message});
+  return state;
+}
+
+Result<MapDelta> MapStore::ReadState(MapId id) {
   Result<SqlStatement> query = database_.Prepare("SELECT state FROM map WHERE id = ?1");
   if (!query) return query.error();
   const Result<bool> row = query->Bind(1, id.value).Step();
   if (!row) return row.error();
   if (!*row) return Error{"it is not in the store"};
-  Result<StoredMap> map = Decode(query->Blob(0));
-  if (map && map->snapshot.map != id) return Error{"the state is that of map " + ToString(map->snapshot.map)};
-  return map;
+  const Result<std::string> bytes = Decompress(query->Blob(0), kMaxBlobBytes);
+  if (!bytes) return Error{"map state: " + bytes.error().message};
+  Result<MapDelta> state = DecodeSnapshot(*bytes);
+  if (state && state->map != id) return Error{"the state is that of map " + ToString(state->map)};
+  return state;
 }
 
-Result<MapStore::StoredMap> MapStore::Decode(std::string_view state) {
-  const Result<std::string> bytes = Decompress(state, kMaxBlobBytes);
-  if (!bytes) return Error{"map state: " + bytes.error().message};
-  Result<MapDelta> snapshot = DecodeSnapshot(*bytes);
+Result<MapStore::StoredMap> MapStore::ReadMap(MapId id) {
+  Result<MapDelta> snapshot = ReadState(id);
   if (!snapshot) return snapshot.error();
   StoredMap map;
   for (const auto& keyframe : snapshot->keyframes) {

@@ -60,8 +60,10 @@ class MapStore {
   /// out.
   Status LoadEachMap(const std::function<void(StoredMap map)>& take, std::vector<std::string>* problems);
 
-  /// One map, as Load() has it: for maps that are not kept in memory.
+  /// One map, as Load() has it.
   Result<StoredMap> LoadMap(MapId id);
+  /// Its state alone: whoever has more to do meanwhile loads the keyframes one by one.
+  Result<MapDelta> LoadState(MapId id);
   /// The data of one keyframe, without derived fields.
   Result<KeyFrameData> LoadKeyFrame(KeyFrameId id);
 
@@ -98,7 +100,7 @@ class MapStore {
   std::vector<KeyFrameId> Vanished(MapId map, const std::vector<KeyFrameId>& staying) const;
   Status Remove(const std::vector<KeyFrameId>& keyframes);
   Result<StoredMap> ReadMap(MapId id);
-  Result<StoredMap> Decode(std::string_view state);
+  Result<MapDelta> ReadState(MapId id);
   Result<KeyFrameData> ReadKeyFrame(KeyFrameId id);
   Status LoadOwnerships(Content* content);
   Status LoadGraph(Content* content);

@@ -294,6 +294,10 @@ TEST_F(MapStoreTest, LoadsOneMapAndExportsIt) {
   ASSERT_TRUE(stored.ok()) << stored.error().message;
   EXPECT_EQ(HashOf(*stored), HashMap(map));
   EXPECT_THAT(store->LoadMap(MapId(0, 7, 7)).error().message, HasSubstr("is not in the store"));
+  const auto state = store->LoadState(map.id());
+  ASSERT_TRUE(state.ok());
+  EXPECT_EQ(state->keyframes.size(), stored->keyframes.size());
+  EXPECT_THAT(store->LoadState(MapId(0, 7, 7)).error().message, HasSubstr("0.000007.7: it is not in the store"));
 
   ASSERT_EQ(MessageOf(store->ExportMap(map.id(), folder_ / "one.pmap")), "");
   const auto file = ReadMapFile(folder_ / "one.pmap");
