@@ -15,8 +15,12 @@ size_t AppearanceBytes(const KeyFrameData& data) {
 
 }  // namespace
 
-MapShelf::MapShelf(const ShelfOptions& options, std::shared_ptr<const Vocabulary> vocabulary, Load load)
-    : options_(options), vocabulary_(std::move(vocabulary)), load_(std::move(load)) {}
+MapShelf::MapShelf(const ShelfOptions& options, std::shared_ptr<const Vocabulary> vocabulary, Load load,
+                   LoadState load_state)
+    : options_(options),
+      vocabulary_(std::move(vocabulary)),
+      load_(std::move(load)),
+      load_state_(std::move(load_state)) {}
 
 std::shared_ptr<const KeyFrameData> MapShelf::Complete(KeyFrameData data, BowVector* bow) const {
   data.grid = FeatureGrid(data.features, data.camera.width, data.camera.height);
@@ -27,12 +31,14 @@ std::shared_ptr<const KeyFrameData> MapShelf::Complete(KeyFrameData data, BowVec
 }
 
 bool MapShelf::HasKeyFrame(MapId map, KeyFrameId keyframe) const {
+  if (const auto paged = paged_.find(map); paged != paged_.end()) return paged->second.neighbours.count(keyframe) == 1;
   const auto replica = maps().find(map);
   return replica != maps().end() && replica->second.FindKeyFrameData(keyframe) != nullptr;
 }
 
 void MapShelf::AddKeyFrame(MapId map, KeyFrameData data) {
   if (HasKeyFrame(map, data.id)) return;
+  if (paged_.count(map) == 1 && BringIn(map) == nullptr) return;
   BowVector bow;
   const auto complete = Complete(std::move(data), &bow);
   Put(map, complete, std::move(bow));
@@ -71,15 +77,24 @@ void MapShelf::TakeIn(StoredMap map, bool is_stored, const std::function<void()>
   }
 }
 
+void MapShelf::AddChunk(MapDeltaChunk chunk) {
+  if (ExpectState(chunk.part.map, chunk.part.epoch, chunk.part.revision)) replicas_.AddChunk(std::move(chunk));
+}
+
+void MapShelf::Announce(MapId map, Epoch epoch, Revision revision) {
+  if (ExpectState(map, epoch, revision)) replicas_.Announce(map, epoch, revision);
+}
+
 /// Frames that were offered for a map and are in none: ReplicaSet has forgotten them.
 void MapShelf::ForgetUnusedWords() {
   size_t known = 0;
   for (const auto& [id, replica] : maps()) known += replica.keyframe_data().size();
+  for (const auto& [id, paged] : paged_) known += paged.neighbours.size();
   if (bags_.size() <= known + 2 * ReplicaSet::kMaxUnusedData) return;
   for (auto next = bags_.begin(); next != bags_.end();) {
-    const bool is_known = std::any_of(maps().begin(), maps().end(), [&](const auto& entry) {
-      return entry.second.FindKeyFrameData(next->first) != nullptr;
-    });
+    const auto has_it = [&](const auto& entry) { return HasKeyFrame(entry.first, next->first); };
+    const bool is_known =
+        std::any_of(maps().begin(), maps().end(), has_it) || std::any_of(paged_.begin(), paged_.end(), has_it);
     if (!is_known) ForgetAppearance(next->first);
     next = is_known ? std::next(next) : bags_.erase(next);
   }
@@ -87,17 +102,28 @@ void MapShelf::ForgetUnusedWords() {
 
 std::vector<MapDelta> MapShelf::ApplyPending() {
   std::vector<MapDelta> applied = replicas_.ApplyPending();
-  for (const MapDelta& delta : applied) Index(delta);
+  for (const MapDelta& delta : applied) {
+    Index(delta);
+    used_[delta.map] = ++uses_;
+  }
   return applied;
+}
+
+std::vector<MapId> MapShelf::MapsWith(KeyFrameId keyframe) const {
+  std::vector<MapId> with;
+  for (const auto& [id, replica] : maps()) {
+    if (replica.map().FindKeyFrame(keyframe) != nullptr) with.push_back(id);
+  }
+  for (const auto& [id, paged] : paged_) {
+    if (paged.neighbours.count(keyframe) == 1) with.push_back(id);
+  }
+  return with;
 }
 
 void MapShelf::Index(const MapDelta& delta) {
   for (const auto& removed : delta.removed_keyframes) {
     words_.Remove(removed.id, delta.map);
-    const bool is_elsewhere = std::any_of(maps().begin(), maps().end(), [&](const auto& entry) {
-      return entry.second.map().FindKeyFrame(removed.id) != nullptr;
-    });
-    if (is_elsewhere) continue;
+    if (!MapsWith(removed.id).empty()) continue;
     bags_.erase(removed.id);
     ForgetAppearance(removed.id);
     stored_.erase(removed.id);
@@ -108,8 +134,8 @@ void MapShelf::Index(const MapDelta& delta) {
     if (bag == bags_.end() || words_.Find(state.id, delta.map) != nullptr || map.FindKeyFrame(state.id) == nullptr)
       continue;
     words_.Add(state.id, bag->second, delta.map);
-    for (const auto& [other, replica] : maps()) {
-      if (other != delta.map && replica.map().FindKeyFrame(state.id) != nullptr) taken_in_.emplace(delta.map, other);
+    for (const MapId other : MapsWith(state.id)) {
+      if (other != delta.map) taken_in_.emplace(delta.map, other);
     }
   }
 }
@@ -124,11 +150,14 @@ std::shared_ptr<const BowVector> MapShelf::FindWords(KeyFrameId keyframe) const 
   return bag == bags_.end() ? nullptr : bag->second;
 }
 
-std::vector<OtherMap> MapShelf::Others(const std::vector<MapId>& order) const {
+std::vector<OtherMap> MapShelf::Others(const std::vector<MapId>& order) {
   std::vector<OtherMap> others;
   for (const MapId id : order) {
-    const Map* map = FindMap(id);
-    if (map != nullptr && words_.size(id) > 0) others.push_back(OtherMap::Of(*map, &words_));
+    const auto paged = paged_.find(id);
+    const bool is_there = paged == paged_.end() ? FindMap(id) != nullptr : !paged->second.is_damaged;
+    if (!is_there || words_.size(id) == 0) continue;
+    const auto neighbours = [this, id](KeyFrameId keyframe, size_t most) { return Neighbours(id, keyframe, most); };
+    others.push_back({id, &words_, neighbours, [this, id] { return Open(id); }});
   }
   return others;
 }
@@ -153,6 +182,18 @@ void MapShelf::ForgetAppearance(KeyFrameId keyframe) {
   appearance_of_.erase(found);
 }
 
+void MapShelf::BeginEvent() {
+  loads_left_ = options_.loads_an_event;
+  map_loads_left_ = 1;
+  came_short_ = false;
+}
+
+void MapShelf::BeginLookUp() {
+  BeginEvent();
+  ahead_ -= std::min(ahead_, options_.paged_a_lookup);
+  if (ahead_ > 0) map_loads_left_ = 0;
+}
+
 bool MapShelf::EnsureAppearance(const Map& map, const std::vector<KeyFrameId>& keyframes) {
   for (const KeyFrameId id : keyframes) {
     const KeyFrame* keyframe = map.FindKeyFrame(id);
@@ -162,6 +203,7 @@ bool MapShelf::EnsureAppearance(const Map& map, const std::vector<KeyFrameId>& k
       continue;
     }
     if (!load_ || stored_.count(id) == 0) continue;
+    came_short_ = came_short_ || loads_left_ == 0;
     if (loads_left_ == 0) return false;
     --loads_left_;
     ++loads_;
@@ -178,8 +220,9 @@ bool MapShelf::EnsureAppearance(const Map& map, const std::vector<KeyFrameId>& k
 }
 
 size_t MapShelf::NumMapsWithKeyFrames() const {
-  return static_cast<size_t>(std::count_if(maps().begin(), maps().end(),
-                                           [](const auto& entry) { return !entry.second.map().keyframes().empty(); }));
+  return paged_.size() + static_cast<size_t>(std::count_if(maps().begin(), maps().end(), [](const auto& entry) {
+           return !entry.second.map().keyframes().empty();
+         }));
 }
 
 bool MapShelf::IsOverBudget() const {
@@ -187,7 +230,8 @@ bool MapShelf::IsOverBudget() const {
   return appearance_mb() > options_.memory_mb;
 }
 
-void MapShelf::Trim() {
+void MapShelf::Trim(const MayBePaged& may_be_paged) {
+  if (may_be_paged && load_state_) PageMaps(may_be_paged);
   for (auto next = appearances_.begin(); next != appearances_.end() && IsOverBudget();) {
     const Appearance unused = *next++;
     if (!load_ || stored_.count(unused.keyframe) == 0) continue;
@@ -197,6 +241,15 @@ void MapShelf::Trim() {
 }
 
 void MapShelf::Remove(MapId map) {
+  used_.erase(map);
+  if (const auto paged = paged_.find(map); paged != paged_.end()) {
+    for (const auto& [id, neighbours] : paged->second.neighbours) {
+      bags_.erase(id);
+      stored_.erase(id);
+    }
+    ForgetPaged(map);
+    return replicas_.Remove(map);
+  }
   const auto replica = maps().find(map);
   if (replica == maps().end()) return;
   for (const auto& [id, data] : replica->second.keyframe_data()) {
@@ -209,6 +262,8 @@ void MapShelf::Remove(MapId map) {
 }
 
 void MapShelf::Remove(MapId map, MapId into) {
+  if (paged_.count(map) == 1 && BringIn(map) == nullptr) ForgetPaged(map);
+  used_.erase(map);
   for (Appearance& appearance : appearances_) {
     if (appearance.map == map) appearance.map = into;
   }

@@ -18,7 +18,7 @@ namespace {
 
 struct Arguments {
   int maps = 20, keyframes = 200, queries = 60;
-  double memory_mb = 100;
+  double memory_mb = ShelfOptions().memory_mb, maps_mb = ShelfOptions().maps_mb;
   std::string folder = "/tmp";
 };
 
@@ -27,7 +27,9 @@ class Benchmark {
   Benchmark(const Arguments& arguments, std::shared_ptr<const Vocabulary> vocabulary, MapStore* store)
       : arguments_(arguments),
         store_(*store),
-        shelf_(Options(arguments), std::move(vocabulary), [this](KeyFrameId id) { return Load(id); }) {}
+        shelf_(
+            Options(arguments), std::move(vocabulary), [this](KeyFrameId id) { return Load(id); },
+            [this](MapId id) { return store_.LoadState(id); }) {}
 
   Status Run() {
     for (int number = 0; number < arguments_.maps; ++number) {
@@ -37,8 +39,8 @@ class Benchmark {
           !added)
         return added;
     }
-    fmt::print("{} maps, {} keyframes indexed, {:.0f} MB of descriptors in memory\n", arguments_.maps,
-               shelf_.indexed_keyframes(), shelf_.appearance_mb());
+    fmt::print("{} maps, {} of them paged, {} keyframes indexed, {:.0f} MB of descriptors in memory\n", arguments_.maps,
+               shelf_.num_paged(), shelf_.indexed_keyframes(), shelf_.appearance_mb());
     // A place that no map has, and one that is in the first map.
     Query("elsewhere", MakeStreet(1000, arguments_.keyframes, arguments_.queries, 1000), MapId(0, 1, 1000));
     Query("revisit", MakeStreet(0, arguments_.keyframes, arguments_.queries, 1001), MapId(0, 1, 1001));
@@ -49,6 +51,7 @@ class Benchmark {
   static ShelfOptions Options(const Arguments& arguments) {
     ShelfOptions options;
     options.memory_mb = arguments.memory_mb;
+    options.maps_mb = arguments.maps_mb;
     return options;
   }
 
@@ -75,9 +78,15 @@ class Benchmark {
     if (shelf_.FindMap(id) == nullptr) return Error{"the map is none: " + shelf_.maps().at(id).last_problem()};
     if (!stored) return Ok{};
     if (Status saved = store_.SaveKeyFrames(data); !saved) return saved;
+    if (Status saved = store_.SaveMap(published.Snapshot()); !saved) return saved;
     for (const auto& keyframe : data) shelf_.OnStored(keyframe->id);
-    shelf_.Trim();
+    Trim(MapId());
     return Ok{};
+  }
+
+  /// @param active is none of the stored ones.
+  void Trim(MapId active) {
+    shelf_.Trim([active](const Map& map) { return map.id() != active; });
   }
 
   void Query(const char* name, const SyntheticScene& scene, MapId id) {
@@ -88,22 +97,24 @@ class Benchmark {
     OverlapDetector detector{OverlapOptions()};
     times_ = StageTimes();
     int confirmed = 0, overlaps = 0, verified = 0;
-    const uint64_t loads = shelf_.loads();
+    const uint64_t loads = shelf_.loads(), map_loads = shelf_.map_loads();
     const Map& map = *shelf_.FindMap(id);
     for (const auto& [keyframe, state] : map.keyframes()) {
       const Stopwatch stopwatch;
-      shelf_.BeginEvent();
+      shelf_.BeginLookUp();
       const OverlapDetection detection =
           detector.Detect(map, keyframe, *shelf_.FindWords(keyframe), shelf_.Others(order), shelf_.Ensurer(), &times_);
       times_.Add("lookup", stopwatch.Milliseconds());
-      shelf_.Trim();
+      Trim(id);
       confirmed += detection.confirmed ? 1 : 0;
       overlaps += detection.overlap ? 1 : 0;
       verified += detection.verified;
     }
     fmt::print(
-        "{}: {} keyframes, {} candidates verified, {} confirmed, {} overlaps, {} keyframes read from the store\n", name,
-        map.keyframes().size(), verified, confirmed, overlaps, shelf_.loads() - loads);
+        "{}: {} keyframes, {} candidates verified, {} confirmed, {} overlaps; read from the store: {} maps, {} "
+        "keyframes' descriptors\n",
+        name, map.keyframes().size(), verified, confirmed, overlaps, shelf_.map_loads() - map_loads,
+        shelf_.loads() - loads);
     for (const auto& [stage, samples] : times_.samples()) {
       fmt::print("  {:18} {:5} x median {:6.2f} p95 {:6.2f} max {:6.2f} ms\n", stage, samples.size(),
                  Quantile(samples, 0.5), Quantile(samples, 0.95), Quantile(samples, 1));
@@ -141,6 +152,7 @@ int main(int argc, char** argv) {
   app.add_option("--keyframes", arguments.keyframes, "of each")->capture_default_str();
   app.add_option("--queries", arguments.queries, "keyframes looked up, of each kind")->capture_default_str();
   app.add_option("--memory-mb", arguments.memory_mb, "for descriptors (atlas.memory_mb)")->capture_default_str();
+  app.add_option("--maps-mb", arguments.maps_mb, "for maps (atlas.maps_mb)")->capture_default_str();
   app.add_option("--folder", arguments.folder, "for the store, some 100 kB a keyframe; removed at the end")
       ->capture_default_str();
   if (const auto code = portolan::ParseCommandLine(&app, argc, argv)) return *code;
