@@ -31,6 +31,8 @@ class MapSaver {
   /// memory.
   std::vector<std::pair<MapId, KeyFrameId>> TakeStored() { return std::exchange(stored_, {}); }
 
+  /// Whether all of the map is stored as it is now.
+  bool IsSaved(const Map& map) const;
   /// Whether a state of the map from this revision on is stored.
   bool HasSaved(MapId map, Revision revision) const {
     const auto saved = saved_.find(map);
@@ -54,7 +56,6 @@ class MapSaver {
 
   Status Step(const std::map<MapId, MapReplica>& replicas, double now_s, double interval_s);
   static State StateOf(const Map& map) { return {map.epoch(), map.revision()}; }
-  bool IsSaved(const Map& map) const;
   Status SaveKeyFrames(const Map& map, const std::vector<std::shared_ptr<const KeyFrameData>>& keyframes);
   Status SaveState(const Map& map, double now_s);
 

@@ -8,6 +8,7 @@ Status ReadAtlasOptions(ConfigReader* config, AtlasOptions* options) {
   config->Read("atlas.join_maps", &options->join_maps);
   config->Read("atlas.max_waiting", &options->max_waiting, {1, 1000});
   config->Read("atlas.memory_mb", &options->shelf.memory_mb, {1, 1e6});
+  config->Read("atlas.maps_mb", &options->shelf.maps_mb, {0, 1e6});
   config->Read("atlas.switch_keyframes", &options->join.switch_keyframes, {0, 1000000});
   config->Read("atlas.retry_keyframes", &options->join.retry_keyframes, {0, 1000000});
   OverlapOptions& overlap = options->overlap;

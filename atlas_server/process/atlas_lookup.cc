@@ -15,10 +15,11 @@
 namespace portolan {
 namespace {
 
-constexpr size_t kMaxRefusals = 500;     // kept for the report
-constexpr double kQueryPatienceS = 1.0;  // for the frame that a "locate" request names: it may have been overtaken
-constexpr size_t kFusionKeyFrames = 40;  // of the map that goes, that are looked up for an ordered fusion
-constexpr size_t kFusionCandidates = 2;  // of each
+constexpr size_t kMaxRefusals = 500;      // kept for the report
+constexpr double kQueryPatienceS = 1.0;   // for the frame that a "locate" request names: it may have been overtaken
+constexpr double kLocatePatienceS = 2.0;  // for maps and descriptors that are still to be read
+constexpr size_t kFusionKeyFrames = 40;   // of the map that goes, that are looked up for an ordered fusion
+constexpr size_t kFusionCandidates = 2;   // of each
 
 /// Where points of both maps, which are the same, lie to each other.
 Result<Sim3d> AlignSharedPoints(const Map& map, const Map& other) {
@@ -51,7 +52,7 @@ void AtlasProcess::QueueKeyFrame(const MapperState& state) {
     return;
   }
   last = state.last_keyframe;
-  if (!options_.join_maps || shelf_.maps().size() < 2) {
+  if (!options_.join_maps || shelf_.num_maps() < 2) {
     follower.map = state.map;
     follower.last_keyframe = last;
     return;
@@ -67,8 +68,8 @@ void AtlasProcess::QueueKeyFrame(const MapperState& state) {
 /// up.
 bool AtlasProcess::LookUpNext() {
   const auto is_here = [this](const Waiting& w) {
-    const Map* map = shelf_.FindMap(w.map);
-    return w.revision == 0 || shelf_.maps().count(w.map) == 0 || (map != nullptr && map->revision() >= w.revision);
+    const auto figures = shelf_.FiguresOf(w.map);
+    return w.revision == 0 || !figures || figures->revision >= w.revision;
   };
   const auto next = std::find_if(waiting_.begin(), waiting_.end(), is_here);
   if (next == waiting_.end()) return false;
@@ -78,7 +79,7 @@ bool AtlasProcess::LookUpNext() {
   follower.map = waiting.map;
   follower.last_keyframe = waiting.keyframe;
   joiner_.OnKeyFrame(waiting.map);
-  const Map* map = shelf_.FindMap(waiting.map);
+  const Map* map = shelf_.BringIn(waiting.map);
   const auto words = shelf_.FindWords(waiting.keyframe);
   if (map != nullptr && words != nullptr && map->FindKeyFrame(waiting.keyframe) != nullptr)
     LookUp(waiting, *map, *words);
@@ -94,7 +95,7 @@ void AtlasProcess::LookUp(const Waiting& next, const Map& map, const BowVector& 
   const std::vector<OtherMap> others = shelf_.Others(order);
   if (others.empty()) return;
   const Stopwatch stopwatch;
-  shelf_.BeginEvent();
+  shelf_.BeginLookUp();
   const OverlapDetection detection = detector_.Detect(map, next.keyframe, bow, others, shelf_.Ensurer(), &times_);
   lookup_ms_ = stopwatch.Milliseconds();
   times_.Add("lookup", lookup_ms_);
@@ -118,7 +119,7 @@ void AtlasProcess::LookUp(const Waiting& next, const Map& map, const BowVector& 
                  detection.overlap ? "" : "; waits for another keyframe to say the same");
   }
   if (detection.overlap) joiner_.OnOverlap(robot, *detection.overlap, Now());
-  shelf_.Trim();
+  Trim();
 }
 
 void AtlasProcess::TakeOrders() {
@@ -132,8 +133,8 @@ void AtlasProcess::TakeOrders() {
       continue;
     }
     Search search{order, {}, "", Now()};
-    const Map* other = shelf_.FindMap(order.other);
-    if (order.kind == "fuse" && other != nullptr) {
+    const Map* other = order.kind == "fuse" ? shelf_.BringIn(order.other) : nullptr;
+    if (other != nullptr) {
       // Evenly over the map.
       const size_t all = other->keyframes().size(), chosen = std::min(all, kFusionKeyFrames);
       std::vector<KeyFrameId> ids;
@@ -176,7 +177,7 @@ void AtlasProcess::ContinueSearches() {
     atlas_.Answer(search.request, std::move(*reply));
   } else if (!search.is_handed_over) {
     searches_.push_back(std::move(search));
-    if (searches_.back().request.kind == "fuse") loop_->Post([this] { Continue(); });
+    if (searches_.back().request.kind == "fuse" || shelf_.came_short()) loop_->Post([this] { Continue(); });
   }
 }
 
@@ -186,14 +187,16 @@ std::optional<Reply> AtlasProcess::ContinueSearch(Search* search) {
   const auto query = std::find_if(queries_.rbegin(), queries_.rend(), [&](const KeyFrameData& data) {
     return ToString(data.id) == search->request.argument;
   });
-  if (query != queries_.rend()) return Locate(search->request, *query);
+  if (query != queries_.rend()) return Locate(*search, *query);
   if (Now() - search->since_s < kQueryPatienceS) return std::nullopt;
   Reply reply;
   reply.reason = "the frame '" + search->request.argument + "' did not come";
   return reply;
 }
 
-Reply AtlasProcess::Locate(const Request& request, const KeyFrameData& frame) {
+/// @return none: what it takes is not read yet.
+std::optional<Reply> AtlasProcess::Locate(const Search& search, const KeyFrameData& frame) {
+  const Request& request = search.request;
   const Stopwatch stopwatch;
   BowVector bow;
   const auto complete = shelf_.Complete(frame, &bow);
@@ -201,8 +204,9 @@ Reply AtlasProcess::Locate(const Request& request, const KeyFrameData& frame) {
   std::vector<MapId> order = atlas_.graph().ByActivity(in);
   const Result<LocatedFrame> located =
       LocateFrame(*complete, bow, shelf_.Others(order), shelf_.Ensurer(), options_.locator, &times_);
-  shelf_.Trim();
+  Trim();
   times_.Add("lookup_query", stopwatch.Milliseconds());
+  if (!located && shelf_.came_short() && Now() - search.since_s < kLocatePatienceS) return std::nullopt;
   Reply reply;
   reply.ok = located.ok();
   if (!located) {
@@ -222,12 +226,12 @@ Reply AtlasProcess::Locate(const Request& request, const KeyFrameData& frame) {
 std::optional<Reply> AtlasProcess::LookForFusion(Search* search) {
   Reply reply;
   const MapId map_id = atlas_.Resolve(search->request.map), other_id = atlas_.Resolve(search->request.other);
-  const Map* map = shelf_.FindMap(map_id);
-  const Map* other = shelf_.FindMap(other_id);
+  const Map* map = shelf_.BringIn(map_id);
+  const Map* other = shelf_.BringIn(other_id);
   const std::vector<OtherMap> in = shelf_.Others({map_id});
   if (map == nullptr || other == nullptr || map == other || in.empty()) {
-    reply.reason = "fuse needs two maps with keyframes, got " + ToString(search->request.map) + " and " +
-                   ToString(search->request.other);
+    reply.reason = "fuse needs two maps with keyframes that can be read, got " + ToString(search->request.map) +
+                   " and " + ToString(search->request.other);
     return reply;
   }
   if (search->keyframes.empty()) {
@@ -244,7 +248,7 @@ std::optional<Reply> AtlasProcess::LookForFusion(Search* search) {
   const auto words = shelf_.FindWords(current);
   if (words == nullptr || other->FindKeyFrame(current) == nullptr) return std::nullopt;
   const OverlapDetection detection = detector.Detect(*other, current, *words, in, shelf_.Ensurer(), &times_);
-  shelf_.Trim();
+  Trim();
   if (!detection.refusals.empty()) search->reason = detection.refusals.front().reason;
   if (!detection.confirmed) return std::nullopt;
   if (const Status begun = joiner_.OrderFusion(search->request, *detection.confirmed, Now()); !begun)
@@ -266,7 +270,7 @@ void AtlasProcess::StartFusion() {
   if (!fusion_) {
     fusion_ = joiner_.NextFusion(
         [this](MapId id) {
-          const Map* map = shelf_.FindMap(id);
+          const Map* map = shelf_.BringIn(id);
           // What comes later follows its ancestors.
           return map != nullptr && !shelf_.maps().at(id).NeedsSnapshot() ? map->epoch() : 0;
         },
@@ -274,8 +278,8 @@ void AtlasProcess::StartFusion() {
         Now());
     if (!fusion_) return;
   }
-  const Map* map = shelf_.FindMap(fusion_->map);
-  const Map* other = shelf_.FindMap(fusion_->other);
+  const Map* map = shelf_.BringIn(fusion_->map);
+  const Map* other = shelf_.BringIn(fusion_->other);
   if (map == nullptr || other == nullptr) {
     fusion_.reset();
     return joiner_.OnProposed(Error{"one of the maps is no more"}, Now());
@@ -290,7 +294,7 @@ void AtlasProcess::StartFusion() {
   const auto maps = std::make_shared<const std::pair<Map, Map>>(*map, *other);
   const LoopClosure overlap = ToLoopClosure(fusion_->overlap, *map, *other);
   fusion_.reset();
-  shelf_.Trim();
+  Trim();
   background_.Start([this, maps, overlap, options = options_.fusion](const std::atomic<bool>& stop) {
     // Events are copied: the result, with thousands of points, is not.
     auto times = std::make_shared<StageTimes>();
@@ -327,13 +331,15 @@ void AtlasProcess::OnFused(MapId map, MapId other, Revision revision) {
 /// Maps that were seen to have taken in others by the word of an earlier atlas_server.
 void AtlasProcess::TakeUpFusions() {
   for (const auto& [map, other] : shelf_.TakeTakenIn()) {
-    const Map* from = shelf_.FindMap(other);
-    if (joiner_.IsFusing(other) || from == nullptr) continue;
-    const Result<Sim3d> map_from_other = AlignSharedPoints(shelf_.maps().at(map).map(), *from);
+    if (joiner_.IsFusing(other)) continue;
+    const Map* into = shelf_.BringIn(map);
+    const Map* from = shelf_.BringIn(other);
+    if (into == nullptr || from == nullptr) continue;
+    const Result<Sim3d> map_from_other = AlignSharedPoints(*into, *from);
     if (!map_from_other) continue;
     spdlog::info("map {} has taken in map {}: taken up", ToString(map), ToString(other));
     atlas_.Fuse(map, other, *map_from_other);
-    OnFused(map, other, shelf_.maps().at(map).map().revision());
+    OnFused(map, other, into->revision());
   }
 }
 
@@ -349,9 +355,9 @@ void AtlasProcess::PublishFollowers(bool all) {
   for (auto& [robot, follower] : followers_) {
     FollowerState state = follower;
     state.process = setup_.process;
-    const Map* map = shelf_.FindMap(state.map);
-    state.epoch = map == nullptr ? 0 : map->epoch();
-    state.revision = map == nullptr ? 0 : map->revision();
+    const MapShelf::Figures figures = shelf_.FiguresOf(state.map).value_or(MapShelf::Figures());
+    state.epoch = figures.epoch;
+    state.revision = figures.revision;
     const auto of_robot = robot;
     state.is_busy = joiner_.IsFusing(state.map) ||
                     std::any_of(waiting_.begin(), waiting_.end(),

@@ -39,22 +39,20 @@ AtlasProcess::AtlasProcess(const ProcessSetup& setup, const AtlasOptions& option
       follower_writer_(bus->CreateWriter<FollowerState>()),
       snapshots_(
           keyframe_writer_.get(), delta_writer_.get(), vocabulary_hash_,
-          [this](MapId map) {
-            const auto replica = shelf_.maps().find(map);
-            return replica == shelf_.maps().end() || replica->second.map().revision() == 0 ? nullptr
-                                                                                           : &replica->second.map();
-          },
+          [this](MapId map) { return shelf_.BringIn(map); },
           [this](const KeyFrameData& data) { return WholeData(data); }),
       options_(options),
       atlas_(setup.process, Now()),
-      shelf_(options.shelf, std::move(vocabulary), [this](KeyFrameId id) { return LoadKeyFrame(id); }),
+      shelf_(
+          options.shelf, std::move(vocabulary),
+          [this](KeyFrameId id) {
+            status_.AssertLiveliness();  // a map has thousands
+            return LoadKeyFrame(id);
+          },
+          [this](MapId id) { return LoadState(id); }),
       detector_(options.overlap),
       joiner_(setup.process, options.join, &atlas_),
-      succession_(setup.process, &atlas_,
-                  [this](MapId map) {
-                    const Map* held = shelf_.FindMap(map);
-                    return held == nullptr ? std::nullopt : std::optional(MeasureMap(*held));
-                  }),
+      succession_(setup.process, &atlas_, [this](MapId map) { return shelf_.Measure(map); }),
       request_ids_(setup.options.robot, setup.session),
       background_(loop, kBackgroundNiceSteps) {
   if (store_ != nullptr) saver_.emplace(store_.get(), options.store_interval_s);
@@ -101,12 +99,36 @@ void AtlasProcess::TakeInStored(StoredMap stored) {
     spdlog::error("atlas store '{}': map {} is no valid map and left out: {}", store_->path(), ToString(id),
                   shelf_.maps().at(id).last_problem());
   }
+  Trim();
 }
 
 void AtlasProcess::TakeIn(StoredMap map, bool is_stored) {
   shelf_.TakeIn(std::move(map), is_stored, [this] { status_.AssertLiveliness(); });
   ApplyPending();  // the points take their descriptors
-  shelf_.Trim();
+}
+
+/// A map that rests with this atlas_server, or with the one that it stands by behind; before anybody is heard that is
+/// every map. Not one that something under way is about.
+bool AtlasProcess::MayBePaged(const Map& map) const {
+  const MapId id = map.id();
+  const auto ownership = atlas_.maps().find(id);
+  if (!saver_ || !saver_->IsSaved(map) || ownership == atlas_.maps().end()) return false;
+  const ProcessId owner = ownership->second.owner;
+  const bool is_dormant =
+      owner == setup_.process || !atlas_.IsAlive(owner, Now()) || owner == atlas_.HolderOf(Atlas::kAtlasRole, 0, Now());
+  if (!is_dormant || atlas_.IsActive(id, Now()) || joiner_.IsFusing(id) || snapshots_.IsSending(id)) return false;
+  const auto is_about_it = [&](const Search& search) {
+    return atlas_.Resolve(search.request.map) == id || atlas_.Resolve(search.request.other) == id;
+  };
+  return std::none_of(waiting_.begin(), waiting_.end(), [id](const Waiting& w) { return w.map == id; }) &&
+         std::none_of(searches_.begin(), searches_.end(), is_about_it) &&
+         !(fusion_ && (fusion_->map == id || fusion_->other == id));
+}
+
+void AtlasProcess::Trim() {
+  const size_t paged = shelf_.num_paged();
+  shelf_.Trim([this](const Map& map) { return MayBePaged(map); });
+  if (shelf_.num_paged() > paged) malloc_trim(0);
 }
 
 void AtlasProcess::ConnectReaders() {
@@ -139,12 +161,12 @@ int AtlasProcess::Run() {
 void AtlasProcess::OnStatus(const ProcessStatus& status) {
   if (status.process == setup_.process) return;
   atlas_.OnStatus(status, Now());
-  if (status.map.IsValid() && status.epoch > 0) shelf_.replicas().Announce(status.map, status.epoch, status.revision);
+  if (status.map.IsValid() && status.epoch > 0) shelf_.Announce(status.map, status.epoch, status.revision);
   Continue();
 }
 
 void AtlasProcess::OnMapperState(const MapperState& state) {
-  if (state.map.IsValid()) shelf_.replicas().Announce(state.map, state.epoch, state.revision);
+  if (state.map.IsValid()) shelf_.Announce(state.map, state.epoch, state.revision);
   atlas_.OnMapperState(state, Now());
   if (atlas_.is_standby()) return Continue();
   joiner_.OnMapperState(state, Now());
@@ -176,7 +198,7 @@ void AtlasProcess::OnKeyFrame(const KeyFrameMessage& message) {
 
 void AtlasProcess::OnDeltaChunk(const MapDeltaChunk& chunk) {
   atlas_.OnEpoch(chunk.part.map, chunk.part.epoch);
-  shelf_.replicas().AddChunk(chunk);
+  shelf_.AddChunk(chunk);
   Continue();
 }
 
@@ -242,7 +264,7 @@ Reply AtlasProcess::ImportMaps(const Request& request) {
     const Result<Map> restored = RestoreMap(map, nullptr);
     if (!restored) {
       reply.reason = request.argument + ": map " + ToString(id) + ": " + restored.error().message;
-    } else if (atlas_.maps().count(id) == 1 || shelf_.maps().count(id) == 1) {
+    } else if (atlas_.maps().count(id) == 1 || shelf_.FiguresOf(id)) {
       reply.reason = "map " + ToString(id) + " is in this atlas already";
     } else if (atlas_.Resolve(id) != id) {
       reply.reason = "map " + ToString(id) + " was in this atlas, and went into map " + ToString(atlas_.Resolve(id));
@@ -311,13 +333,13 @@ void AtlasProcess::OnSnapshotRequest(const SnapshotRequest& request) {
   if (ownership == atlas_.maps().end()) return;
   const auto& [map, robot, epoch, owner] = ownership->second;
   if (owner.IsValid() && owner != setup_.process && owner != request.asker && atlas_.IsAlive(owner, Now())) return;
-  const auto replica = shelf_.maps().find(map);
+  const auto figures = shelf_.FiguresOf(map);
   spdlog::debug("{} asks for map {}, has revision {} and {} keyframes", ToString(request.asker), ToString(request.map),
                 request.have_revision, request.have_keyframes.size());
-  if (replica != shelf_.maps().end() && replica->second.map().revision() > 0) {
+  if (figures && figures->revision > 0) {
     snapshots_.Add(request);
     if (!snapshots_go_on_) SendSnapshots();
-  } else if (owner == request.asker && shelf_.replicas().IsEmpty(map)) {  // its last owner had not begun it
+  } else if (owner == request.asker && shelf_.IsEmpty(map)) {  // its last owner had not begun it
     for (const MapDeltaChunk& chunk : SplitDelta(Map(map, epoch - 1).Snapshot(), kDeltaChunkElements))
       delta_writer_->Write(chunk);
   }
@@ -341,6 +363,11 @@ Result<KeyFrameData> AtlasProcess::LoadKeyFrame(KeyFrameId id) {
   return store_->LoadKeyFrame(id);
 }
 
+Result<MapDelta> AtlasProcess::LoadState(MapId id) {
+  if (store_ == nullptr) return Error{"map " + ToString(id) + " is in no store"};
+  return store_->LoadState(id);
+}
+
 void AtlasProcess::OnTick() {
   status_.AssertLiveliness();
   atlas_.OnTick(Now());
@@ -359,6 +386,7 @@ void AtlasProcess::OnTick() {
     ++snapshots_asked_;
   }
   StoreAPiece();
+  Trim();
 }
 
 void AtlasProcess::StoreAPiece() {
@@ -371,7 +399,7 @@ void AtlasProcess::StoreAPiece() {
 
 void AtlasProcess::DropWhatIsStored() {
   for (const auto& [map, keyframe] : saver_->TakeStored()) shelf_.OnStored(keyframe);
-  shelf_.Trim();
+  Trim();
   for (auto next = to_be_deleted_.begin(); next != to_be_deleted_.end();) {
     if (!saver_->HasSaved(next->map, next->revision)) {
       ++next;

@@ -31,7 +31,8 @@ namespace portolan {
 
 /// The shell around the atlas: hears requests and statuses, grants maps, follows every map and stores it, and stands in
 /// with snapshots for owners that are dead. Looks each new keyframe up in the other maps, and has maps switched or
-/// fused by what it finds. Of what is stored only that is kept in memory which is used (MapShelf). One owner thread,
+/// fused by what it finds. Of what is stored only that is kept in memory which is used (MapShelf): code that needs more
+/// of a map than its figures, and may come upon one that is paged, has it brought in. One owner thread,
 /// whose work is cut into bounded pieces, and one behind it that makes proposals for fusions. One that stands by behind
 /// another hears all of this and says nothing, but follows the other's list of maps and its graph too; with a store of
 /// its own it stores them.
@@ -110,7 +111,7 @@ class AtlasProcess {
   void AnswerEndedOrders();
   void ContinueSearches();
   std::optional<Reply> ContinueSearch(Search* search);
-  Reply Locate(const Request& request, const KeyFrameData& frame);
+  std::optional<Reply> Locate(const Search& search, const KeyFrameData& frame);
   std::optional<Reply> LookForFusion(Search* search);
   void StartFusion();
   bool EnsureAround(const Map& map, KeyFrameId keyframe);
@@ -123,8 +124,11 @@ class AtlasProcess {
   /// The whole data of a keyframe, from the store where memory has it bare.
   Result<KeyFrameData> WholeData(const KeyFrameData& data);
   Result<KeyFrameData> LoadKeyFrame(KeyFrameId id);
+  Result<MapDelta> LoadState(MapId id);
   void TakeInStored(StoredMap stored);
   void TakeIn(StoredMap map, bool is_stored);
+  bool MayBePaged(const Map& map) const;
+  void Trim();
   void StoreAPiece();
   void DropWhatIsStored();
   void NoteStoreFailure(const Error& error);

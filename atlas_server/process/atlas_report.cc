@@ -42,13 +42,11 @@ Reply AtlasProcess::ListMaps() const {
                             {"owner", ToString(ownership.owner)},
                             {"owner_alive", atlas_.IsAlive(ownership.owner, Now())},
                             {"active", atlas_.IsActive(id, Now())}};
-    const auto replica = shelf_.maps().find(id);
-    if (replica != shelf_.maps().end()) {
-      const Map& map = replica->second.map();
-      entry["state_epoch"] = map.epoch();
-      entry["revision"] = map.revision();
-      entry["keyframes"] = map.keyframes().size();
-      entry["points"] = map.points().size();
+    if (const auto figures = shelf_.FiguresOf(id)) {
+      entry["state_epoch"] = figures->epoch;
+      entry["revision"] = figures->revision;
+      entry["keyframes"] = figures->keyframes;
+      entry["points"] = figures->points;
     }
     list.push_back(entry);
   }
@@ -60,11 +58,11 @@ Reply AtlasProcess::ListMaps() const {
 
 AtlasProcess::Totals AtlasProcess::CountTotals() const {
   Totals totals;
-  for (const auto& [id, replica] : shelf_.maps()) {
-    if (replica.map().revision() == 0) continue;
+  for (const MapId id : shelf_.Ids()) {
+    const MapShelf::Figures figures = *shelf_.FiguresOf(id);
     ++totals.maps;
-    totals.keyframes += replica.map().keyframes().size();
-    totals.points += replica.map().points().size();
+    totals.keyframes += figures.keyframes;
+    totals.points += figures.points;
   }
   return totals;
 }
@@ -76,9 +74,9 @@ std::map<MapId, MapLabel> AtlasProcess::LabelMaps() const {
     label.robot = ownership.robot;
     label.owner = ownership.owner;
     label.is_active = atlas_.IsActive(id, Now());
-    const Map* map = shelf_.FindMap(id);
-    label.keyframes = map == nullptr ? atlas_.SizeOf(id) : map->keyframes().size();
-    label.points = map == nullptr ? 0 : map->points().size();
+    const MapShelf::Figures figures = shelf_.FiguresOf(id).value_or(MapShelf::Figures());
+    label.keyframes = figures.revision == 0 ? atlas_.SizeOf(id) : figures.keyframes;
+    label.points = figures.points;
   }
   return labels;
 }
@@ -115,6 +113,8 @@ void AtlasProcess::AddOverlaps(nlohmann::json* report) const {
                              {"keyframes", shelf_.num_appearances()},
                              {"loads", shelf_.loads()},
                              {"load_failures", shelf_.load_failures()}};
+  (*report)["paging"] = {
+      {"maps", shelf_.num_paged()}, {"loads", shelf_.map_loads()}, {"load_failures", shelf_.map_load_failures()}};
   (*report)["indexed_keyframes"] = shelf_.indexed_keyframes();
 }
 
@@ -122,14 +122,13 @@ void AtlasProcess::OnStatusTimer() {
   PublishFollowers(true);
   if (atlas_.is_standby() && !has_left_) AskForList();
   const Totals totals = CountTotals();
-  const auto replica = shelf_.maps().find(last_map_);
-  const bool known = replica != shelf_.maps().end();
+  const MapShelf::Figures last = shelf_.FiguresOf(last_map_).value_or(MapShelf::Figures());
   const bool failing = saver_ && store_failures_ > 0 && !saver_->IsComplete(shelf_.maps());
   status_.Publish(atlas_.is_standby() ? kStandbyState
                   : failing           ? "the store can't be written"
                   : totals.maps == 0  ? "waiting for a map"
                                       : "following",
-                  last_map_, known ? replica->second.map().epoch() : 0, known ? replica->second.map().revision() : 0,
+                  last_map_, last.epoch, last.revision,
                   {{"maps", static_cast<double>(totals.maps)},
                    {"keyframes", static_cast<double>(totals.keyframes)},
                    {"points", static_cast<double>(totals.points)},
@@ -155,6 +154,9 @@ void AtlasProcess::OnStatusTimer() {
                    {"joins_open", static_cast<double>(joiner_.num_open())},
                    {"links", static_cast<double>(atlas_.graph().num_links())},
                    {"appearance_mb", shelf_.appearance_mb()},
+                   {"maps_paged", static_cast<double>(shelf_.num_paged())},
+                   {"map_loads", static_cast<double>(shelf_.map_loads())},
+                   {"map_load_failures", static_cast<double>(shelf_.map_load_failures())},
                    {"events_waiting", static_cast<double>(loop_->depth())},
                    {"events_dropped", static_cast<double>(loop_->dropped())}});
 }
@@ -190,9 +192,7 @@ int AtlasProcess::Finish() {
                       {"stale_epoch", counters.stale_epoch},
                       {"gaps", counters.gaps}};
   report["map_hash"] = nlohmann::json::object();
-  for (const auto& [id, replica] : shelf_.maps()) {
-    if (replica.map().revision() > 0) report["map_hash"][ToString(id)] = FormatHash(HashMap(replica.map()));
-  }
+  for (const MapId id : shelf_.Ids()) report["map_hash"][ToString(id)] = FormatHash(shelf_.Measure(id)->hash);
   AddOverlaps(&report);
   if (Status written = WriteReport(setup_.options, report); !written) {
     spdlog::error("{}", written.error().message);

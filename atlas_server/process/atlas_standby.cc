@@ -59,7 +59,7 @@ void AtlasProcess::TakeUpList(const std::string& text) {
       if (Status saved = store_->SaveOwnership(ownership); !saved) NoteStoreFailure(saved.error());
     }
     const bool is_in_file = open_later_ && entry.owner == holder;  // dormant: it will be read there
-    if (entry.revision > 0 && !is_in_file) shelf_.replicas().Announce(entry.map, entry.state_epoch, entry.revision);
+    if (entry.revision > 0 && !is_in_file) shelf_.Announce(entry.map, entry.state_epoch, entry.revision);
   }
   atlas_.Follow(ownerships);
 }
@@ -114,16 +114,17 @@ void AtlasProcess::OnCommand(const Command& command) {
 }
 
 void AtlasProcess::TellHeld() {
-  for (const auto& [id, replica] : shelf_.maps()) {
-    const std::pair state(replica.map().epoch(), replica.map().revision());
-    if (state.second == 0 || told_[id] == state) continue;
+  for (const MapId id : shelf_.Ids()) {
+    const MapShelf::Figures figures = *shelf_.FiguresOf(id);
+    const std::pair state(figures.epoch, figures.revision);
+    if (told_[id] == state) continue;
     told_[id] = state;
     Request report;
     report.id = request_ids_.Next();
     report.sender = setup_.process;
     report.kind = "holds_map";
     report.map = id;
-    report.argument = ToText(MeasureMap(replica.map()));
+    report.argument = ToText(*shelf_.Measure(id));
     request_writer_->Write(report);
   }
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <deque>
 #include <functional>
 #include <set>
@@ -41,6 +42,9 @@ class SnapshotSender {
   /// @return whether to go on at once; else, unless idle, at the next tick: a writer is full.
   bool SendPiece(double now_s);
   bool IsIdle() const { return jobs_.empty(); }
+  bool IsSending(MapId map) const {
+    return std::any_of(jobs_.begin(), jobs_.end(), [map](const Job& job) { return job.map == map; });
+  }
 
   uint64_t sent() const { return sent_; }      ///< whole snapshots
   uint64_t failed() const { return failed_; }  ///< given up, because data of a keyframe could not be read

@@ -81,9 +81,11 @@ TEST_F(SnapshotSenderTest, AReplicaIsBroughtUpToTheMap) {
   MapReplica replica(map_.id());
   sender_.Add(replica.MakeRequest(kAsker));
   EXPECT_FALSE(sender_.IsIdle());
+  EXPECT_TRUE(sender_.IsSending(map_.id()));
   EXPECT_EQ(SendAll(), static_cast<int>((map_.keyframes().size() + SnapshotSender::kKeyFramesAPiece - 1) /
                                         SnapshotSender::kKeyFramesAPiece));
   EXPECT_TRUE(sender_.IsIdle());
+  EXPECT_FALSE(sender_.IsSending(map_.id()));
   EXPECT_EQ(sender_.sent(), 1u);
   EXPECT_EQ(keyframes_.written[0].kind, KeyFrameKind::kCopy);
   EXPECT_EQ(keyframes_.written[0].vocabulary_hash, kVocabulary);

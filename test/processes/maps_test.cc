@@ -54,5 +54,26 @@ TEST_F(MapsTest, ASavedAtlasIsGoneOnWith) {
   ExpectAccurate(Truth(), Out() + "/trajectory.txt", kMaxErrorShare);
 }
 
+/// None of its maps is in memory until the camera is found in it, and sees the next.
+TEST_F(MapsTest, MapsThatArePagedAreComeBackTo) {
+  ASSERT_NO_FATAL_FAILURE(Run({"--data", Sequence(), "--speed", "lockstep", "--set", "tracker.max_map_keyframes=6"}));
+  const int maps = Summary("maps");
+  ASSERT_GE(maps, 2);
+  const std::string atlas = folder_.Path("saved.db");
+  std::filesystem::copy_file(Out() + "/atlas.db", atlas);
+  ASSERT_NO_FATAL_FAILURE(Run({"--data", Sequence(), "--speed", "lockstep", "--atlas", atlas, "--set",
+                               "atlas.maps_mb=0", "--set", "atlas.switch_keyframes=4"}));
+  const nlohmann::json report = Report("atlas_server");
+  EXPECT_GE(report["paging"]["loads"], 2) << "of the first, and of one that it was left for";
+  EXPECT_EQ(report["paging"]["load_failures"], 0);
+  EXPECT_GE(report["overlaps"]["located"], 1);
+  EXPECT_GE(report["switches"], 1);
+  EXPECT_EQ(report["maps"], maps);
+  EXPECT_EQ(report["map_hash"].size(), static_cast<size_t>(maps)) << "those that are paged too";
+  EXPECT_EQ(report["stored_keyframes"], report["keyframes"]);
+  EXPECT_GE(Summary("tracked"), static_cast<int>(NumFrames()) - 20);
+  ExpectAccurate(Truth(), Out() + "/trajectory.txt", kMaxErrorShare);
+}
+
 }  // namespace
 }  // namespace portolan

@@ -91,8 +91,9 @@ size_t NumShared(const Map& map, const Map& other) {
 
 class ToolRunVendorsTest : public ToolRunTest, public ::testing::WithParamInterface<const char*> {};
 
+/// The one in which the robot is not is paged meanwhile.
 TEST_P(ToolRunVendorsTest, AMapIsBegunAndAnotherGoneIntoAndBothFused) {
-  StartRun(GetParam(), kManyRounds);
+  StartRun(GetParam(), kManyRounds, {"--set", "atlas.maps_mb=0"});
   ASSERT_NO_FATAL_FAILURE(GoOnFor(kRound));
   const MapId first = TrackersMap();
   const MapId second = BeginMap();
@@ -122,6 +123,8 @@ TEST_P(ToolRunVendorsTest, AMapIsBegunAndAnotherGoneIntoAndBothFused) {
     EXPECT_EQ(report["switches"], 1);
     EXPECT_EQ(report["fusions"], 1);
   }
+  EXPECT_GE(atlas["paging"]["loads"], 1);
+  EXPECT_EQ(atlas["paging"]["load_failures"], 0);
   EXPECT_EQ(tracker["refused_moves"], 0);
   EXPECT_EQ(tracker["unlinked_maps"], 0);
   ExpectAccurateRun();
@@ -130,9 +133,9 @@ TEST_P(ToolRunVendorsTest, AMapIsBegunAndAnotherGoneIntoAndBothFused) {
 INSTANTIATE_TEST_SUITE_P(Vendors, ToolRunVendorsTest, ::testing::Values("fastdds", "cyclonedds"),
                          [](const auto& parameter) { return std::string(parameter.param); });
 
-/// The tracker has nothing to go by but what it sees.
+/// The tracker has nothing to go by but what it sees. Maps in which it is not are paged.
 TEST_F(ToolRunTest, AMapFromAFileIsGoneIntoThoughNobodyKnowsWhereItLies) {
-  StartRun("fastdds", kManyRounds, {"--set", "atlas.join_maps=false"});
+  StartRun("fastdds", kManyRounds, {"--set", "atlas.join_maps=false", "--set", "atlas.maps_mb=0"});
   ASSERT_NO_FATAL_FAILURE(GoOnFor(kRound));
   const MapId first = TrackersMap();
   const Map map = Export(first);
