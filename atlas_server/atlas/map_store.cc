@@ -287,6 +287,7 @@ Status MapStore::DeleteMap(MapId id) {
   if (!done) return At(done.error());
   for (const KeyFrameId keyframe : vanished) keyframes_.erase(keyframe);
   members_.erase(id);
+  damaged_.erase(id);
   return Ok{};
 }
 
@@ -328,6 +329,7 @@ Status MapStore::LoadEachMap(const std::function<void(StoredMap map)>& take, std
   for (const MapId id : ids) {
     Result<StoredMap> map = ReadMap(id);
     if (!map) {
+      damaged_.insert(id);
       problems->push_back(At({"map " + ToString(id) + " is left out: " + map.error().message}).message);
       continue;
     }

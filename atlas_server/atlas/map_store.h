@@ -84,6 +84,8 @@ class MapStore {
   bool HasKeyFrame(KeyFrameId id) const { return keyframes_.count(id) == 1; }
   /// Whether a state of the map is stored; after Load() or LoadEachMap().
   bool HasMap(MapId id) const { return members_.count(id) == 1; }
+  /// Whether there is a state of the map that can't be read; after Load() or LoadEachMap().
+  bool IsDamaged(MapId id) const { return damaged_.count(id) == 1; }
   size_t num_keyframes() const { return keyframes_.size(); }
   const std::string& path() const { return path_; }
 
@@ -112,6 +114,7 @@ class MapStore {
   SqlDatabase database_;
   std::set<KeyFrameId> keyframes_;                    // stored
   std::map<MapId, std::vector<KeyFrameId>> members_;  // of the stored state of each map, sorted
+  std::set<MapId> damaged_;
 };
 
 }  // namespace portolan

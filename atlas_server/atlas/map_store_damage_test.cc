@@ -123,6 +123,8 @@ TEST_F(MapStoreDamageTest, ADamagedMapIsLeftOutAndNamedAndTheOthersLoad) {
   const auto store = Open(path_);
   const MapStore::Content content = Load(store.get());
   ASSERT_EQ(content.maps.size(), 1u);
+  EXPECT_TRUE(store->IsDamaged(damaged.id()));
+  EXPECT_FALSE(store->IsDamaged(sound.id()));
   EXPECT_EQ(HashOf(content.maps[0]), HashMap(sound));
   ASSERT_EQ(content.problems.size(), 1u);
   EXPECT_THAT(content.problems[0], HasSubstr(ToString(damaged.id())));

@@ -339,6 +339,10 @@ void AtlasProcess::OnSnapshotRequest(const SnapshotRequest& request) {
   if (figures && figures->revision > 0) {
     snapshots_.Add(request);
     if (!snapshots_go_on_) SendSnapshots();
+  } else if (store_ != nullptr && store_->IsDamaged(map)) {
+    if (store_log_.Allow())
+      spdlog::error("map {} is damaged in the store: {} does not get it", ToString(map),
+                    atlas_.Describe(request.asker));
   } else if (owner == request.asker && shelf_.IsEmpty(map)) {  // its last owner had not begun it
     for (const MapDeltaChunk& chunk : SplitDelta(Map(map, epoch - 1).Snapshot(), kDeltaChunkElements))
       delta_writer_->Write(chunk);

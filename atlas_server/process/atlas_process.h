@@ -197,6 +197,7 @@ class AtlasProcess {
   std::string graph_text_;
   std::map<MapId, std::pair<Epoch, Revision>> told_;
   bool is_telling_ = false;  // the one that has the place drains
+  bool has_heard_holder_ = false;
   double awake_since_s_ = 0, last_tick_s_ = 0;
   std::optional<double> taking_place_since_s_;
   bool has_left_ = false;

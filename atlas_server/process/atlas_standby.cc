@@ -14,6 +14,9 @@ constexpr double kAsleepS = 0.75;
 /// For the one that leaves to close the file; with one that hangs it stays closed to us, and the rest goes on.
 constexpr double kStorePatienceS = 2.0;
 constexpr double kLastWordsS = 1.0;  // for the readers to acknowledge them
+/// For a first word of the one that has the place: on Fast DDS two participants whose first announcements were lost
+/// find each other with the next, seconds later.
+constexpr double kDiscoveryS = 8.0;
 
 }  // namespace
 
@@ -133,6 +136,7 @@ void AtlasProcess::StandByTick() {
   if (has_left_) return;
   if (Now() - last_tick_s_ > kAsleepS) awake_since_s_ = Now();
   last_tick_s_ = Now();
+  has_heard_holder_ = has_heard_holder_ || atlas_.HolderOf(Atlas::kAtlasRole, 0, Now()).IsValid();
   if (is_telling_) TellHeld();
   if (taking_place_since_s_ || IsLeftAlone()) TakePlace();
 }
@@ -140,7 +144,9 @@ void AtlasProcess::StandByTick() {
 /// Of several that stand by the first has the place.
 bool AtlasProcess::IsLeftAlone() const {
   const double silence_s = Now() - awake_since_s_;
-  if (silence_s < Atlas::kAdoptAfterS || atlas_.HolderOf(Atlas::kAtlasRole, 0, Now()).IsValid()) return false;
+  if (silence_s < (has_heard_holder_ ? Atlas::kAdoptAfterS : kDiscoveryS) ||
+      atlas_.HolderOf(Atlas::kAtlasRole, 0, Now()).IsValid())
+    return false;
   const std::vector<ProcessId> others = atlas_.StandbysOf(Atlas::kAtlasRole, 0, Now());
   return std::all_of(others.begin(), others.end(), [this](ProcessId other) { return setup_.process < other; });
 }

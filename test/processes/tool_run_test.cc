@@ -14,8 +14,10 @@ using ::testing::HasSubstr;
 
 enum : int { kOk = 0, kRefused = 4, kInterrupted = 130 };  // docs/tool.md
 
-constexpr int kManyRounds = 40;  // more than all orders of a test take
-constexpr int kFewRounds = 3;    // to be driven to the end
+// More than all orders of a test take: a robot that localises only does not wait for a mapper, and is through 300
+// frames a second.
+constexpr int kManyRounds = 120;
+constexpr int kFewRounds = 3;  // to be driven to the end
 constexpr double kMaxErrorShare = 0.02;
 
 class ToolRunTest : public DeploymentTest {
