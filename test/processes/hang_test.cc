@@ -13,9 +13,10 @@ class HangTest : public DeploymentTest {
   void ExpectSoon(const std::function<bool(const Heard&)>& condition) {
     ASSERT_TRUE(watch().WaitUntil(condition, kProcessDeadline)) << Logs();
   }
-  void StartAndMap(const std::string& speed) {
+  void StartAndMap(const std::string& speed) { StartAndMap(speed, Sequence()); }
+  void StartAndMap(const std::string& speed, const std::string& data) {
     static_cast<void>(watch());  // hears of all processes from their start
-    StartAll({"--data", Sequence(), "--speed", speed});
+    StartAll({"--data", data, "--speed", speed});
     WaitUntilMapping();
     ExpectSoon([](const Heard& heard) { return heard.alive == 4; });
   }
@@ -98,16 +99,20 @@ TEST_F(HangTest, AHungAtlasServerCatchesUpAndLeavesTheMapToItsOwner) {
 
 /// So long that its map became dormant, in the next epoch.
 TEST_F(HangTest, AHungFrontendFindsItsMapPutToRestAndGoesOnInIt) {
-  StartAndMap("lockstep");
+  StartAndMap("lockstep", InRounds(6));  // a film that outlasts the hang on any machine
   const ProcessStatus mapper = *watch().heard().Of("backend_mapper");
   StopAndExpectNoticed("frontend_tracker");
+  const uint64_t frame = watch().heard().tracker->frame;
   ExpectSoon([&](const Heard& heard) { return heard.Of("backend_mapper")->state == "waiting for a map"; });
   ContinueAndExpectNoticed("frontend_tracker");
   ExpectSoon([&](const Heard& heard) {
-    const ProcessStatus* now = heard.Of("backend_mapper");
-    return now->map == mapper.map && now->epoch > mapper.epoch && now->revision > mapper.revision;
+    return heard.TrackerIsAt(frame + 1) && heard.tracker->state == TrackingState::kTracking &&
+           heard.tracker->map == mapper.map;
   });
-  ExpectGoodEnd();
+  EXPECT_EQ(WaitForFrontend().code, 0) << Logs();
+  for (const char* role : {"backend_mapper", "loop_closer", "atlas_server"}) EXPECT_EQ(Interrupt(role).code, 0) << role;
+  EXPECT_EQ(Report("frontend_tracker")["maps"], 1);
+  EXPECT_GE(Report("atlas_server")["grants"], 3) << "to the mapper, to itself, to the mapper again";
 }
 
 }  // namespace
