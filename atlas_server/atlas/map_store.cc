@@ -195,6 +195,7 @@ Status MapStore::SaveMap(const MapDelta& snapshot) {
   if (!done) return At(done.error());
   for (const KeyFrameId id : vanished) keyframes_.erase(id);
   members_[snapshot.map] = members;
+  damaged_.erase(snapshot.map);
   return Ok{};
 }
 

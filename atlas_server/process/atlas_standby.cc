@@ -15,7 +15,7 @@ constexpr double kAsleepS = 0.75;
 constexpr double kStorePatienceS = 2.0;
 constexpr double kLastWordsS = 1.0;  // for the readers to acknowledge them
 /// For a first word of the one that has the place: on Fast DDS two participants whose first announcements were lost
-/// find each other with the next, seconds later.
+/// find each other with the next, 3 s later; twice that and a status.
 constexpr double kDiscoveryS = 8.0;
 
 }  // namespace

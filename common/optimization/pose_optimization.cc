@@ -57,9 +57,10 @@ struct PosedCamera {
 double CauchyCost(double squared_error, double width) {
   return width * width * std::log1p(squared_error / (width * width));
 }
-// While the loss is wide.
-constexpr double kNarrowing = 4;   // from round to round
-constexpr double kGateWidths = 3;  // of the next round's loss: what is farther off is left out of it
+// While the loss is wide. A round of some hundred matches ends well within a quarter of its width.
+constexpr double kNarrowing = 4;  // from round to round
+constexpr double kGateWidths =
+    3;  // of the next round's loss: what is farther off has a tenth of the weight, and is out
 
 double CauchyWeight(double squared_error, double width) {
   return 1.0 / (1.0 + squared_error / (width * width));

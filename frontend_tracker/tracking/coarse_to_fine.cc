@@ -10,10 +10,11 @@
 namespace portolan {
 namespace {
 
-// Of motion-only BA in the coarse stage, while its loss narrows from the windows' radius.
+// Of motion-only BA in the coarse stage: its loss narrows from the wide windows' radius in five, and one more settles
+// the inliers.
 constexpr int kCoarseRounds = 6;
-// Of the reference's landmarks: with a prediction that is farther off than the windows reach, a fifth are found all the
-// same, where they are not.
+// Of the reference's landmarks. With a prediction that is farther off than the windows reach up to a tenth are found
+// all the same, where they are not (seen on office_walk, 24 of 470 at its worst jerk); with a good one half and more.
 constexpr double kFoundByChance = 0.25;
 
 /// Best and second best feature for a descriptor among candidates.
