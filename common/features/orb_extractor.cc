@@ -3,7 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
+#include <future>
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
@@ -52,39 +54,36 @@ Status OrbOptions::Check() const {
            CheckRange("fast_threshold", fast_threshold, 1, 254),
            CheckRange("min_fast_threshold", min_fast_threshold, 1, fast_threshold),
            CheckRange("cell_px", cell_px, 8, 1000),
+           CheckRange("threads", threads, 1, 64),
        }) {
     if (!status) return status;
   }
   return Ok{};
 }
 
-struct OrbExtractor::Buffers {
-  explicit Buffers(const OrbOptions& options)
-      : detector(options.fast_threshold, options.min_fast_threshold, options.cell_px, kOrbBorder),
-        wanted(ShareOut(options.num_features, options.pyramid)),
-        levels(wanted.size()) {}
+struct OrbExtractor::Level {
+  Level(const OrbOptions& options, int octave_, int wanted_)
+      : octave(octave_),
+        wanted(wanted_),
+        detector(options.fast_threshold, options.min_fast_threshold, options.cell_px, kOrbBorder) {}
 
-  /// Levels 1 and up, each shrunk from the one below.
-  void BuildPyramid(const cv::Mat& grey, const ScalePyramid& pyramid) {
-    levels[0] = grey;
-    for (size_t i = 1; i < levels.size(); ++i) {
-      const double scale = pyramid.Scale(static_cast<int>(i));
-      const cv::Size size(std::max(1, cvRound(grey.cols / scale)), std::max(1, cvRound(grey.rows / scale)));
-      cv::resize(levels[i - 1], levels[i], size, 0, 0, cv::INTER_LINEAR);
-    }
-  }
-
+  int octave;
+  int wanted;  // features
+  cv::Mat image, smoothed;
   CornerDetector detector;
-  const std::vector<int> wanted;  // features per level
-  std::vector<cv::Mat> levels;
-  cv::Mat smoothed;
-  std::vector<cv::Point2f> distorted_px;
+  const std::vector<Corner>* corners = nullptr;  // the detector's
+  std::vector<uint32_t> selected;                // of the corners
+  // Of the selected corners.
+  std::vector<cv::Point2f> distorted_px;  // of level 0
+  std::vector<float> angles_rad;
+  std::vector<Descriptor> descriptors;
 };
 
 OrbExtractor::OrbExtractor(const OrbOptions& options) : options_(options) {
   const Status status = options.Check();
   PORTOLAN_CHECK(status.ok()) << status.error().message;
-  buffers_ = std::make_unique<Buffers>(options);
+  for (const int wanted : ShareOut(options.num_features, options.pyramid))
+    levels_.emplace_back(options, static_cast<int>(levels_.size()), wanted);
 }
 
 OrbExtractor::~OrbExtractor() = default;
@@ -94,56 +93,83 @@ FeatureSet OrbExtractor::Extract(const cv::Mat& grey, const CameraModel& camera)
   PORTOLAN_CHECK(grey.cols == camera.pinhole.width && grey.rows == camera.pinhole.height)
       << "image " << grey.cols << "x" << grey.rows << ", camera " << camera.pinhole.width << "x"
       << camera.pinhole.height;
-  buffers_->BuildPyramid(grey, options_.pyramid);
-  buffers_->distorted_px.clear();
-  FeatureSet features;
-  int missing = 0;  // what a level is short of, the next ones make up for as far as they may
-  for (size_t i = 0; i < buffers_->levels.size(); ++i) {
-    const int extra = std::min(missing, static_cast<int>(kMaxExtraShare * buffers_->wanted[i]));
-    missing += buffers_->wanted[i] - DescribeLevel(static_cast<int>(i), buffers_->wanted[i] + extra, &features);
-  }
-  return Undistort(std::move(features), camera);
+  BuildPyramid(grey);
+  ForEachLevel([](Level* level) {
+    level->corners = &level->detector.Detect(level->image);
+    if (!level->corners->empty()) SmoothForOrb(level->image, &level->smoothed);
+  });
+  SelectCorners();
+  ForEachLevel([this](Level* level) { Describe(level); });
+  return Undistort(camera);
 }
 
-int OrbExtractor::DescribeLevel(int octave, int wanted, FeatureSet* features) {
-  const cv::Mat& level = buffers_->levels[static_cast<size_t>(octave)];
-  const std::vector<Corner>& corners = buffers_->detector.Detect(level);
-  if (corners.empty()) return 0;
-  SmoothForOrb(level, &buffers_->smoothed);
+/// Each level is shrunk from the one below.
+void OrbExtractor::BuildPyramid(const cv::Mat& grey) {
+  levels_[0].image = grey;
+  for (size_t i = 1; i < levels_.size(); ++i) {
+    const double scale = options_.pyramid.Scale(levels_[i].octave);
+    const cv::Size size(std::max(1, cvRound(grey.cols / scale)), std::max(1, cvRound(grey.rows / scale)));
+    cv::resize(levels_[i - 1].image, levels_[i].image, size, 0, 0, cv::INTER_LINEAR);
+  }
+}
+
+/// Threads take the levels in turn, the largest first: of 8 levels the first two have as many pixels as all others.
+template <class Work>
+void OrbExtractor::ForEachLevel(const Work& work) {
+  std::atomic<size_t> next{0};
+  const auto take_levels = [&] {
+    for (size_t i = next++; i < levels_.size(); i = next++) work(&levels_[i]);
+  };
+  std::vector<std::future<void>> others;  // wait at their end, whatever happens
+  for (int i = 1; i < options_.threads; ++i) others.push_back(std::async(std::launch::async, take_levels));
+  take_levels();
+  for (std::future<void>& other : others) other.get();
+}
+
+/// What a level is short of, the next ones make up for as far as they may.
+void OrbExtractor::SelectCorners() {
+  int missing = 0;
+  for (Level& level : levels_) {
+    const int extra = std::min(missing, static_cast<int>(kMaxExtraShare * level.wanted));
+    level.selected = SpreadCorners(*level.corners, level.image.cols, level.image.rows, level.wanted + extra);
+    missing += level.wanted - static_cast<int>(level.selected.size());
+  }
+}
+
+void OrbExtractor::Describe(Level* level) const {
+  level->distorted_px.clear();
+  level->angles_rad.clear();
+  level->descriptors.clear();
   // Pixel centres, not corners, are at whole numbers: a level's pixel x lies at (x + 1/2) * scale - 1/2 of level 0.
-  const float scale_x = static_cast<float>(buffers_->levels[0].cols) / static_cast<float>(level.cols);
-  const float scale_y = static_cast<float>(buffers_->levels[0].rows) / static_cast<float>(level.rows);
-  const std::vector<uint32_t> selected = SpreadCorners(corners, level.cols, level.rows, wanted);
-  for (uint32_t index : selected) {
-    const Corner& corner = corners[index];
-    const float angle_rad = OrbAngle(level, corner.x, corner.y);
+  const cv::Mat& finest = levels_[0].image;
+  const float scale_x = static_cast<float>(finest.cols) / static_cast<float>(level->image.cols);
+  const float scale_y = static_cast<float>(finest.rows) / static_cast<float>(level->image.rows);
+  for (const uint32_t index : level->selected) {
+    const Corner& corner = (*level->corners)[index];
+    const float angle_rad = OrbAngle(level->image, corner.x, corner.y);
     Eigen::Vector2f in_level(static_cast<float>(corner.x), static_cast<float>(corner.y));
-    if (options_.subpixel) in_level += SubpixelOffset(level, corner.x, corner.y);
-    buffers_->distorted_px.emplace_back((in_level.x() + 0.5f) * scale_x - 0.5f, (in_level.y() + 0.5f) * scale_y - 0.5f);
-    features->octaves.push_back(static_cast<uint8_t>(octave));
-    features->angles_rad.push_back(angle_rad);
-    features->descriptors.push_back(OrbDescriptor(buffers_->smoothed, corner.x, corner.y, angle_rad));
+    if (options_.subpixel) in_level += SubpixelOffset(level->image, corner.x, corner.y);
+    level->distorted_px.emplace_back((in_level.x() + 0.5f) * scale_x - 0.5f, (in_level.y() + 0.5f) * scale_y - 0.5f);
+    level->angles_rad.push_back(angle_rad);
+    level->descriptors.push_back(OrbDescriptor(level->smoothed, corner.x, corner.y, angle_rad));
   }
-  return static_cast<int>(selected.size());
 }
 
-FeatureSet OrbExtractor::Undistort(FeatureSet features, const CameraModel& camera) const {
-  const std::vector<cv::Point2f>& distorted_px = buffers_->distorted_px;
-  const std::vector<cv::Point2f> ideal_px = camera.IsIdeal() ? distorted_px : camera.Undistort(distorted_px);
-  size_t kept = 0;
-  features.pixels_px.resize(ideal_px.size());
-  for (size_t i = 0; i < ideal_px.size(); ++i) {
-    if (!camera.pinhole.Contains({ideal_px[i].x, ideal_px[i].y})) continue;  // NaN is outside, too
-    features.pixels_px[kept] = {ideal_px[i].x, ideal_px[i].y};
-    features.octaves[kept] = features.octaves[i];
-    features.angles_rad[kept] = features.angles_rad[i];
-    features.descriptors[kept] = features.descriptors[i];
-    ++kept;
+/// The features of all levels at their ideal pixels, without those outside the ideal image.
+FeatureSet OrbExtractor::Undistort(const CameraModel& camera) const {
+  FeatureSet features;
+  for (const Level& level : levels_) {
+    if (level.distorted_px.empty()) continue;
+    const std::vector<cv::Point2f> ideal_px =
+        camera.IsIdeal() ? level.distorted_px : camera.Undistort(level.distorted_px);
+    for (size_t i = 0; i < ideal_px.size(); ++i) {
+      if (!camera.pinhole.Contains({ideal_px[i].x, ideal_px[i].y})) continue;  // NaN is outside, too
+      features.pixels_px.emplace_back(ideal_px[i].x, ideal_px[i].y);
+      features.octaves.push_back(static_cast<uint8_t>(level.octave));
+      features.angles_rad.push_back(level.angles_rad[i]);
+      features.descriptors.push_back(level.descriptors[i]);
+    }
   }
-  features.pixels_px.resize(kept);
-  features.octaves.resize(kept);
-  features.angles_rad.resize(kept);
-  features.descriptors.resize(kept);
   return features;
 }
 

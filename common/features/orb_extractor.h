@@ -1,7 +1,7 @@
 #pragma once
 
-#include <memory>
 #include <opencv2/core.hpp>
+#include <vector>
 
 #include "base/result.h"
 #include "features/feature_set.h"
@@ -16,6 +16,7 @@ struct OrbOptions {
   int min_fast_threshold = 7;  ///< ... this one is tried
   int cell_px = 35;            ///< side of a detection cell at each level
   bool subpixel = true;        ///< refine locations by a parabola over the corner response
+  int threads = 2;             ///< that share an image's levels; what is found does not depend on it
 
   Status Check() const;  ///< ranges of each field; the message names the key
 };
@@ -35,15 +36,16 @@ class OrbExtractor {
   FeatureSet Extract(const cv::Mat& grey, const CameraModel& camera);
 
  private:
-  struct Buffers;
-  /// Adds the features of one level, at most `wanted`, without locations: those go to the buffers, distorted. @return
-  /// how many.
-  int DescribeLevel(int octave, int wanted, FeatureSet* features);
-  /// Locates features by the buffers' distorted pixels and drops those outside the ideal image.
-  FeatureSet Undistort(FeatureSet features, const CameraModel& camera) const;
+  struct Level;
+  void BuildPyramid(const cv::Mat& grey);
+  template <class Work>
+  void ForEachLevel(const Work& work);
+  void SelectCorners();
+  void Describe(Level* level) const;
+  FeatureSet Undistort(const CameraModel& camera) const;
 
   OrbOptions options_;
-  std::unique_ptr<Buffers> buffers_;
+  std::vector<Level> levels_;  ///< finest first
 };
 
 }  // namespace portolan

@@ -39,6 +39,7 @@ TEST(OrbOptions, CheckNamesTheKey) {
   EXPECT_THAT(message([](OrbOptions* o) { o->fast_threshold = 300; }), HasSubstr("fast_threshold"));
   EXPECT_THAT(message([](OrbOptions* o) { o->min_fast_threshold = 21; }), HasSubstr("min_fast_threshold"));
   EXPECT_THAT(message([](OrbOptions* o) { o->cell_px = 1; }), HasSubstr("cell_px"));
+  EXPECT_THAT(message([](OrbOptions* o) { o->threads = 0; }), HasSubstr("threads"));
   EXPECT_THROW(OrbExtractor([] {
                  OrbOptions options;
                  options.cell_px = 0;
@@ -68,6 +69,18 @@ TEST(OrbExtractor, IsDeterministicWhateverItSawBefore) {
   EXPECT_GT(second.Extract(other, PlainCamera(other)).size(), 0u);
   EXPECT_TRUE(AreEqual(second.Extract(image, PlainCamera(image)), expected));
   EXPECT_TRUE(AreEqual(first.Extract(image, PlainCamera(image)), expected));
+}
+
+TEST(OrbExtractor, FindsTheSameWithAnyNumberOfThreads) {
+  const cv::Mat image = TexturedImage(640, 480, 6);
+  OrbOptions options;
+  options.threads = 1;
+  const FeatureSet expected = OrbExtractor(options).Extract(image, PlainCamera(image));
+  for (const int threads : {2, 3, 20}) {
+    options.threads = threads;
+    OrbExtractor extractor(options);
+    for (int i = 0; i < 20; ++i) EXPECT_TRUE(AreEqual(extractor.Extract(image, PlainCamera(image)), expected));
+  }
 }
 
 TEST(OrbExtractor, LeavesNoPartWithTextureEmpty) {

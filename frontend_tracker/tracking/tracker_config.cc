@@ -10,6 +10,7 @@ void ReadOrb(ConfigReader* config, OrbOptions* orb) {
   config->Read("orb.fast_threshold", &orb->fast_threshold, {1, 255});
   config->Read("orb.min_fast_threshold", &orb->min_fast_threshold, {1, 255});
   config->Read("orb.subpixel", &orb->subpixel);
+  config->Read("orb.threads", &orb->threads, {1, 64});
 }
 
 void ReadTracker(ConfigReader* config, TrackerOptions* tracker) {
