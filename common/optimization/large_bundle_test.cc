@@ -61,6 +61,25 @@ TEST(LargeBundleCasesTest, TheLossHoldsAgainstOutliers) {
   }
 }
 
+TEST(LargeBundleCasesTest, FewStepsComeNearerTheOptimumOfANarrowLossThanCeres) {
+  // Errors as wide as the loss: its curvature is far less than the weights say. The start is near, as a window's is that
+  // was optimised with the keyframe before.
+  BundleProblem start = MakeProblem(12, 2, 300, 0.4, 24);
+  Random random(25);
+  for (BundleProblem::Pose& pose : start.poses) {
+    if (!pose.fixed) pose.camera_from_map = RandomRigid(&random, 0.001, 0.003) * pose.camera_from_map;
+  }
+  BundleOptions few;
+  few.max_iterations = 6;
+  few.function_tolerance = 0;
+  BundleProblem ours = start, theirs = start, optimum = start;
+  const double our_cost = AdjustLargeBundle(&ours, few, nullptr).final_cost,
+               their_cost = AdjustBundle(&theirs, few, nullptr).final_cost,
+               least_cost = AdjustLargeBundle(&optimum, Thorough(), nullptr).final_cost;
+  EXPECT_GE(our_cost, least_cost);
+  EXPECT_LT(our_cost - least_cost, 0.5 * (their_cost - least_cost)) << our_cost << ", " << their_cost;
+}
+
 TEST(LargeBundleCasesTest, FixedPosesStayBitForBit) {
   const BundleProblem before = Disturbed(MakeProblem(6, 3, 100, 1, 8), 9);
   BundleProblem problem = before;
