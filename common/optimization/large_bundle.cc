@@ -26,7 +26,7 @@ constexpr double kDampingFall = 0.2, kDampingRise = 10;
 /// theirs, and with linear residuals no step up to twice as long raises the cost (Lange, MM Optimization Algorithms,
 /// 2016). What bends a map as a whole is nearly flat for a loss as narrow as ours: on kitchen's local windows costs
 /// fell by 1.9 to 2.0 times what the plain step promised, and five of those left the windows far from their optimum.
-constexpr double kMostRelaxation = 1.8;
+constexpr double kMostRelaxation = 2;
 constexpr int kNotFree = -1;
 /// Of so many measurements what elimination found is kept for the way back, some 200 bytes each; of more it is found
 /// again.
