@@ -16,7 +16,7 @@ struct OrbOptions {
   int min_fast_threshold = 7;  ///< ... this one is tried
   int cell_px = 35;            ///< side of a detection cell at each level
   bool subpixel = true;        ///< refine locations by a parabola over the corner response
-  int threads = 2;             ///< that share an image's levels; what is found does not depend on it
+  int threads = 1;             ///< that share an image's levels; what is found does not depend on it
 
   Status Check() const;  ///< ranges of each field; the message names the key
 };
