@@ -7,8 +7,6 @@
 #include <unordered_set>
 #include <utility>
 
-#include "optimization/large_bundle.h"
-
 namespace portolan {
 namespace {
 
@@ -83,7 +81,7 @@ LocalBundleResult OptimizeLocalWindow(Map* map, KeyFrameId keyframe, const Local
   result.measurements = static_cast<int>(window_problem.problem.measurements.size());
   BundleOptions bundle;
   bundle.max_iterations = options.iterations;
-  result.summary = AdjustLargeBundle(&window_problem.problem, bundle, stop);
+  result.summary = AdjustBundle(&window_problem.problem, bundle, stop);
   if (!result.summary.converged_or_stopped) return result;
   TakeSolution(window, window_problem, map);
   if (!result.summary.interrupted || result.summary.iterations >= kMinSettledIterations) {

@@ -41,7 +41,7 @@ struct LocalBundleOptions {
   int max_keyframes = 20;  ///< free keyframes, best covisible first; bounds the time
   int max_fixed = 25;      ///< keyframes that hold the window in place, most shared points first
   int min_common = 15;     ///< points that a keyframe of the window shares with the newest
-  int iterations = 6;      ///< at most; the window was optimised with the last keyframe already
+  int iterations = 5;      ///< at most; the window was optimised with the last keyframe already
   double chi2 = 5.991;     ///< squared normalised error of an outlier
 };
 
