@@ -59,8 +59,8 @@ double CauchyCost(double squared_error, double width) {
 }
 // While the loss is wide. A round of some hundred matches ends well within a quarter of its width.
 constexpr double kNarrowing = 4;  // from round to round
-constexpr double kGateWidths =
-    3;  // of the next round's loss: what is farther off has a tenth of the weight, and is out
+// Of the next round's loss: what is farther off has a tenth of the weight, and is out.
+constexpr double kGateWidths = 3;
 
 double CauchyWeight(double squared_error, double width) {
   return 1.0 / (1.0 + squared_error / (width * width));
