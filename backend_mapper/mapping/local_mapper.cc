@@ -54,10 +54,8 @@ LocalMapper::LocalMapper(const MapperOptions& options, Map map, Epoch epoch, IdM
 Status LocalMapper::Initialize(KeyFramePtr first, KeyFramePtr second, const KeyFrameMessage& message) {
   if (!map_.keyframes().empty()) return Error{"map " + ToString(map_.id()) + " is initialised already"};
   if (first->id == second->id) return Error{"map initialisation: both keyframes are " + ToString(first->id)};
-  const bool is_known = !message.camera_from_map.translation.isZero();
-  const auto structure =
-      ReconstructInitialStructure(*first, *second, message.initial_matches, options_.initialization,
-                                  is_known ? std::optional<Rigid3d>(message.camera_from_map) : std::nullopt);
+  const auto structure = ReconstructInitialStructure(*first, *second, message.initial_matches, options_.initialization,
+                                                     message.camera_from_map);
   if (!structure.ok()) return structure.error();
   const KeyFrameId first_id = first->id, second_id = second->id;
   map_.AddKeyFrame(std::move(first), Rigid3d(), KeyFrameId());

@@ -27,13 +27,15 @@ struct InitialStructure {
 /// triangulation, BA. BA runs twice, the second time without the outliers of the first. Scale is free in it (the first
 /// pose alone is fixed; the solver's damping holds the seventh freedom) and set afterwards.
 /// @param matches (feature of first, feature of second).
-/// @param known_second_from_first of frames that are tracked in another map, the length of its translation in any unit:
-/// beyond the paper, it takes the place of the first steps. On a straight road there is often too little to estimate
-/// it. Fails with the reason when a feature does not exist, the two views are refused (ReconstructTwoViews) or fewer
+/// @param tracked_second_from_first what the tracker knows of the motion. Translation 0: the rotation alone, by the
+/// images (see ReconstructTwoViews). Else of frames that are tracked in another map, the length of its translation in
+/// any unit: beyond the paper, it takes the place of the first steps. On a straight road there is often too little to
+/// estimate it.
+/// Fails with the reason when a feature does not exist, the two views are refused (ReconstructTwoViews) or fewer
 /// than options.min_points points survive BA. Deterministic for options.two_view.seed.
 Result<InitialStructure> ReconstructInitialStructure(const KeyFrameData& first, const KeyFrameData& second,
                                                      const std::vector<std::pair<uint32_t, uint32_t>>& matches,
                                                      const InitializationOptions& options,
-                                                     const std::optional<Rigid3d>& known_second_from_first = {});
+                                                     const std::optional<Rigid3d>& tracked_second_from_first = {});
 
 }  // namespace portolan

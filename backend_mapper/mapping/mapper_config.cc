@@ -10,6 +10,10 @@ Status ReadMapperOptions(ConfigReader* config, MapperOptions* options) {
   config->Read("mapper.initialization.ransac_iterations", &initialization.two_view.ransac_iterations, {10, 100000});
   config->Read("mapper.initialization.min_parallax_deg", &initialization.two_view.min_parallax_deg, {0.01, 90});
   config->Read("mapper.initialization.ambiguity_ratio", &initialization.two_view.ambiguity_ratio, {0.1, 1});
+  config->Read("mapper.initialization.max_direction_sigma_deg", &initialization.two_view.max_direction_sigma_deg,
+               {0.01, 90});
+  config->Read("mapper.initialization.max_rotation_difference_deg",
+               &initialization.two_view.max_rotation_difference_deg, {1, 180});
   PointCreationOptions& creation = options->creation;
   config->Read("mapper.creation.neighbours", &creation.neighbours, {1, 100});
   config->Read("mapper.creation.min_baseline", &creation.min_baseline, {0, 1});

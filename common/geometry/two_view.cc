@@ -1,9 +1,11 @@
 #include "geometry/two_view.h"
 
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core/eigen.hpp>
 #include <sstream>
@@ -20,13 +22,18 @@ constexpr double kChi2 = 3.84;  // 95 % of a chi-square with 1 degree of freedom
 constexpr double kSignificance = 3;
 constexpr double kRefineShare = 0.5;  // motions with less of the best one's score are not worth refining
 /// Of the points that agree with the motion, the share that must have parallax: a rotating camera shows a few by
-/// chance.
-constexpr double kMinParallaxShare = 0.2;
+/// chance, and where the few invent theirs the direction may come out reversed.
+constexpr double kMinParallaxShare = 0.33;
 /// Of all matches, the share that must agree with the motion: what random matches reach by chance is well below.
-constexpr double kMinAgreeingShare = 0.4;
+constexpr double kMinAgreeingShare = 0.6;
 /// Two refined motions this close are one: bundle adjustment will settle the rest, where a true rival is tens of
 /// degrees away.
 constexpr double kSameRotation = 1 * M_PI / 180, kSameDirection = 5 * M_PI / 180;
+/// Directions of translation from which the motion is refined where the rotation is known: 30 degrees apart.
+constexpr int kStarts = 24;
+constexpr size_t kMaxStartMatches = 300;  // evenly drawn: enough to tell which starts lead somewhere
+/// Limits of the refinement from a start, in those of the last one: the rotation is off by some degrees at first.
+constexpr double kStartWidths[] = {4, 2, 1};
 
 /// The matches with what every check of a motion needs.
 struct CalibratedMatches {
@@ -92,8 +99,57 @@ bool IsSameMotion(const Rigid3d& a, const Rigid3d& b) {
          a.translation.dot(b.translation) > std::cos(kSameDirection);
 }
 
-/// Refines the motions worth it, and returns those best first.
-std::vector<Candidate> RankMotions(const CalibratedMatches& m, std::vector<Candidate> candidates) {
+/// Unit vectors spread evenly over the sphere (Fibonacci's lattice).
+std::vector<Eigen::Vector3d> SpreadDirections(int n) {
+  const double golden_angle = M_PI * (3 - std::sqrt(5.0));
+  std::vector<Eigen::Vector3d> directions;
+  for (int i = 0; i < n; ++i) {
+    const double z = 1 - (2 * i + 1.0) / n, radius = std::sqrt(1 - z * z);
+    directions.emplace_back(radius * std::cos(golden_angle * i), radius * std::sin(golden_angle * i), z);
+  }
+  return directions;
+}
+
+/// Where refinement ends that starts from a rotation and from directions all over the sphere; each motion once.
+std::vector<Candidate> MotionsByRotation(const CalibratedMatches& m, const Eigen::Quaterniond& rotation) {
+  const size_t stride = (m.size() + kMaxStartMatches - 1) / kMaxStartMatches;
+  std::vector<Eigen::Vector2d> first_xy, second_xy;
+  for (size_t i = 0; i < m.size(); i += stride) {
+    first_xy.push_back(m.first_xy[i]);
+    second_xy.push_back(m.second_xy[i]);
+  }
+  std::vector<Candidate> candidates;
+  for (const Eigen::Vector3d& direction : SpreadDirections(kStarts)) {
+    Rigid3d motion(rotation, direction);
+    for (const double width : kStartWidths)
+      motion = RefineMotion(motion, first_xy, second_xy, width * std::sqrt(kChi2) * m.sigma_xy);
+    const bool is_new = std::none_of(candidates.begin(), candidates.end(),
+                                     [&](const Candidate& other) { return IsSameMotion(motion, other.motion); });
+    if (is_new) candidates.push_back({motion, false});
+  }
+  return candidates;
+}
+
+/// Standard deviation of a motion's direction of translation, radians, by the matches that agree with it; infinite
+/// where they leave it open.
+double DirectionSigma(const CalibratedMatches& m, const Rigid3d& motion) {
+  const double max_distance = std::sqrt(kChi2) * m.sigma_xy;
+  Eigen::Matrix<double, 5, 5> information = Eigen::Matrix<double, 5, 5>::Zero();
+  for (size_t i = 0; i < m.size(); ++i) {
+    Eigen::Matrix<double, 5, 1> gradient;
+    if (std::abs(SampsonDistance(motion, m.first_xy[i], m.second_xy[i], &gradient)) < max_distance)
+      information.noalias() += gradient * gradient.transpose() / (m.sigma_xy * m.sigma_xy);
+  }
+  const Eigen::FullPivLU<Eigen::Matrix<double, 5, 5>> lu(information);
+  if (!lu.isInvertible()) return std::numeric_limits<double>::infinity();
+  const Eigen::Matrix2d covariance = lu.inverse().topLeftCorner<2, 2>();
+  return std::sqrt(Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(covariance).eigenvalues().maxCoeff());
+}
+
+/// Refines the motions worth it, and returns those best first that turn about as the images do, where that is known.
+std::vector<Candidate> RankMotions(const CalibratedMatches& m, std::vector<Candidate> candidates,
+                                   const std::optional<Eigen::Quaterniond>& image_rotation) {
+  const double most_turned = m.options.max_rotation_difference_deg * M_PI / 180;
   double most = 0;
   for (Candidate& candidate : candidates) {
     candidate.score = ScoreMotion(m, candidate.motion);
@@ -103,6 +159,7 @@ std::vector<Candidate> RankMotions(const CalibratedMatches& m, std::vector<Candi
   for (Candidate& candidate : candidates) {
     if (candidate.score == 0 || candidate.score < kRefineShare * most) continue;
     candidate.motion = RefineMotion(candidate.motion, m.first_xy, m.second_xy, std::sqrt(kChi2) * m.sigma_xy);
+    if (image_rotation && candidate.motion.rotation.angularDistance(*image_rotation) > most_turned) continue;
     candidate.score = ScoreMotion(m, candidate.motion);
     ranked.push_back(candidate);
   }
@@ -150,8 +207,10 @@ int Triangulate(const CalibratedMatches& m, TwoViewReconstruction* result) {
   return static_cast<int>(parallaxes_deg.size());
 }
 
-/// The motions of the homography and of the fundamental matrix (paper Eq. 9).
-std::vector<Candidate> CandidateMotions(const CalibratedMatches& m, const TwoViewModel& fundamental) {
+/// The motions of the homography and of the fundamental matrix (paper Eq. 9), and those that the images' rotation leads
+/// to.
+std::vector<Candidate> CandidateMotions(const CalibratedMatches& m, const TwoViewModel& fundamental,
+                                        const std::optional<Eigen::Quaterniond>& image_rotation) {
   const Eigen::Matrix3d K1 = m.first_camera.K(), K2 = m.second_camera.K();
   const Result<TwoViewModel> homography = EstimateHomography(m.pixels, m.options);
   std::vector<Candidate> candidates;
@@ -163,6 +222,9 @@ std::vector<Candidate> CandidateMotions(const CalibratedMatches& m, const TwoVie
   }
   for (const Rigid3d& motion : DecomposeEssential(K2.transpose() * fundamental.second_from_first * K1)) {
     candidates.push_back({motion, false});
+  }
+  if (image_rotation) {
+    for (const Candidate& candidate : MotionsByRotation(m, *image_rotation)) candidates.push_back(candidate);
   }
   return candidates;
 }
@@ -217,11 +279,13 @@ std::vector<Rigid3d> DecomposeHomography(const Eigen::Matrix3d& second_from_firs
 }
 
 Result<TwoViewReconstruction> ReconstructTwoViews(const PixelMatches& matches, const PinholeCamera& first_camera,
-                                                  const PinholeCamera& second_camera, const TwoViewOptions& options) {
+                                                  const PinholeCamera& second_camera, const TwoViewOptions& options,
+                                                  const std::optional<Eigen::Quaterniond>& image_rotation) {
   const Result<TwoViewModel> fundamental = EstimateFundamental(matches, options);
   if (!fundamental) return fundamental.error();
   const CalibratedMatches calibrated(matches, first_camera, second_camera, options);
-  const std::vector<Candidate> ranked = RankMotions(calibrated, CandidateMotions(calibrated, *fundamental));
+  const std::vector<Candidate> ranked =
+      RankMotions(calibrated, CandidateMotions(calibrated, *fundamental, image_rotation), image_rotation);
   if (ranked.empty()) return Refused("no motion explains the matches");
 
   TwoViewReconstruction result;
@@ -240,6 +304,9 @@ Result<TwoViewReconstruction> ReconstructTwoViews(const PixelMatches& matches, c
   if (const Candidate* rival = FindRival(ranked, options.ambiguity_ratio)) {
     return Refused("ambiguous, two motions explain the matches with scores ", ranked[0].score, " and ", rival->score);
   }
+  const double sigma_deg = DirectionSigma(calibrated, ranked[0].motion) * 180 / M_PI;
+  if (!(sigma_deg <= options.max_direction_sigma_deg))
+    return Refused("the direction of translation is known to ", sigma_deg, " deg only");
   return result;
 }
 

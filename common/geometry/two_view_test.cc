@@ -259,6 +259,40 @@ TEST(ReconstructTwoViewsTest, TwoSolutionsOfAPlaneAreRefused) {
   EXPECT_THAT(result.error().message, HasSubstr("ambiguous"));
 }
 
+/// Turned further by some degrees, as parallax turns what the images tell.
+Eigen::Quaterniond ImageRotation(const Rigid3d& second_from_first, double off_deg) {
+  return (ExpSO3(off_deg * kDegree * Eigen::Vector3d(0.6, 0.8, 0)) * second_from_first.rotation).normalized();
+}
+
+TEST(ReconstructTwoViewsTest, TheImagesRotationLeadsToTheMotionThatRansacMisses) {
+  TwoViewOptions options;
+  options.ransac_iterations = 1;  // with this seed not a clean sample
+  const PixelMatches matches = Observe(General, kSideways, 150, 0.3, 28);
+  EXPECT_FALSE(ReconstructTwoViews(matches, WideCamera(), WideCamera(), options).ok());
+  const auto result = ReconstructTwoViews(matches, WideCamera(), WideCamera(), options, ImageRotation(kSideways, 5));
+  ASSERT_TRUE(result.ok()) << result.error().message;
+  EXPECT_LT(result->second_from_first.rotation.angularDistance(kSideways.rotation), 0.5 * kDegree);
+  EXPECT_LT(DirectionError(result->second_from_first.translation, kSideways.translation), 4 * kDegree);
+}
+
+TEST(ReconstructTwoViewsTest, AMotionThatTurnsOtherwiseThanTheImagesIsRefused) {
+  const PixelMatches matches = Observe(General, kSideways, 800, 0.1, 29);
+  ASSERT_TRUE(ReconstructTwoViews(matches, WideCamera(), WideCamera(), {}, ImageRotation(kSideways, 20)).ok());
+  const auto result = ReconstructTwoViews(matches, WideCamera(), WideCamera(), {}, ImageRotation(kSideways, 40));
+  EXPECT_FALSE(result.ok());
+}
+
+TEST(ReconstructTwoViewsTest, ADirectionThatTheMatchesLeaveOpenIsRefused) {
+  TwoViewOptions options;
+  options.max_direction_sigma_deg = 0.3;
+  const auto reconstruct = [&](int n) {
+    return ReconstructTwoViews(Observe(General, kSideways, n, 0, 30), WideCamera(), WideCamera(), options);
+  };
+  ASSERT_FALSE(reconstruct(70).ok());
+  EXPECT_THAT(reconstruct(70).error().message, HasSubstr("direction of translation is known to"));
+  EXPECT_TRUE(reconstruct(1500).ok());  // it shrinks with the root of their number
+}
+
 TEST(ReconstructTwoViewsTest, RandomMatchesAreRefused) {
   const auto result = ReconstructTwoViews(Observe(General, kSideways, 400, 1.0, 26), WideCamera(), WideCamera(), {});
   ASSERT_FALSE(result.ok());
