@@ -62,8 +62,8 @@ TEST(LargeBundleCasesTest, TheLossHoldsAgainstOutliers) {
 }
 
 TEST(LargeBundleCasesTest, FewStepsComeNearerTheOptimumOfANarrowLossThanCeres) {
-  // Errors as wide as the loss: its curvature is far less than the weights say. The start is near, as a window's is that
-  // was optimised with the keyframe before.
+  // Errors as wide as the loss: its curvature is far less than the weights say. The start is near, as a window's is
+  // that was optimised with the keyframe before.
   BundleProblem start = MakeProblem(12, 2, 300, 0.4, 24);
   Random random(25);
   for (BundleProblem::Pose& pose : start.poses) {

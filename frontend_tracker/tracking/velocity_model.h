@@ -10,7 +10,8 @@ namespace portolan {
 /// assumption that a robot's camera moves smoothly, slows down and stops in the end.
 class VelocityModel {
  public:
-  /// @param decaying false: constant velocity, that between the last two poses, which the paper's Table 2 compares with.
+  /// @param decaying false: constant velocity, that between the last two poses, which the paper's Table 2 compares
+  /// with.
   explicit VelocityModel(bool decaying = true) : decaying_(decaying) {}
 
   /// Forgets everything: the next prediction is the pose given then.
