@@ -5,6 +5,7 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <filesystem>
 #include <opencv2/core/utility.hpp>
 
 #include "base/command_line.h"
@@ -25,6 +26,12 @@ namespace {
 int Run(const SourceOptions& source_options, const std::string& out, const TrackerOptions& tracker_options,
         const MapperOptions& mapper_options, const LoopOptions& loop_options, int every, uint32_t session,
         const std::string& maps_file) {
+  std::error_code problem;
+  std::filesystem::create_directories(out, problem);
+  if (problem) {
+    spdlog::error("--out {}: can't be made: {}", out, problem.message());
+    return 2;
+  }
   auto vocabulary = Vocabulary::Open(Vocabulary::DefaultPath());
   if (!vocabulary) {
     spdlog::error("{}", vocabulary.error().message);
@@ -110,7 +117,7 @@ int main(int argc, char** argv) {
   std::vector<std::string> sets;
   app.add_option("--data", source.data, "data set folder")->required();
   app.add_option("--camera", source.camera_file);
-  app.add_option("--out", out);
+  app.add_option("--out", out, "folder for the trajectories, made if it is not there");
   app.add_option("--session", session, "of the ids, for maps of several runs")->check(CLI::Range(1, 0xffffff));
   app.add_option("--save-maps", maps, "write the finished maps into this file");
   app.add_option("--log", level);
