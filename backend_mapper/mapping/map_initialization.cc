@@ -104,11 +104,12 @@ Result<InitialStructure> ReconstructInitialStructure(const KeyFrameData& first, 
   const auto pixels = GatherPixels(first, second, matches);
   if (!pixels.ok()) return pixels.error();
   const bool is_known = tracked_second_from_first && !tracked_second_from_first->translation.isZero(0);
-  const auto image_rotation =
+  const auto second_from_first_by_images =
       tracked_second_from_first ? std::optional<Eigen::Quaterniond>(tracked_second_from_first->rotation) : std::nullopt;
   const auto views =
-      is_known ? ReconstructByMotion(*pixels, first.camera, second.camera, *tracked_second_from_first, options.two_view)
-               : ReconstructTwoViews(*pixels, first.camera, second.camera, options.two_view, image_rotation);
+      is_known
+          ? ReconstructByMotion(*pixels, first.camera, second.camera, *tracked_second_from_first, options.two_view)
+          : ReconstructTwoViews(*pixels, first.camera, second.camera, options.two_view, second_from_first_by_images);
   if (!views.ok()) return views.error();
 
   InitialStructure structure;

@@ -22,14 +22,16 @@ constexpr double kChi2 = 3.84;  // 95 % of a chi-square with 1 degree of freedom
 constexpr double kSignificance = 3;
 constexpr double kRefineShare = 0.5;  // motions with less of the best one's score are not worth refining
 /// Of the points that agree with the motion, the share that must have parallax: a rotating camera shows a few by
-/// chance, and where the few invent theirs the direction may come out reversed.
+/// chance, and where the few invent theirs the direction may come out reversed: 0.27 and 0.31 then on town_lap, where
+/// 99 % of 375 right pairs of all sequences have 0.37 and more.
 constexpr double kMinParallaxShare = 0.33;
-/// Of all matches, the share that must agree with the motion: what random matches reach by chance is well below.
+/// Of all matches, the share that must agree with the motion: what random matches reach by chance is well below, right
+/// pairs have 0.77 and more.
 constexpr double kMinAgreeingShare = 0.6;
 /// Two refined motions this close are one: bundle adjustment will settle the rest, where a true rival is tens of
 /// degrees away.
 constexpr double kSameRotation = 1 * M_PI / 180, kSameDirection = 5 * M_PI / 180;
-/// Directions of translation from which the motion is refined where the rotation is known: 30 degrees apart.
+/// Directions of translation from which the motion is refined where the rotation is known: some 40 degrees apart.
 constexpr int kStarts = 24;
 constexpr size_t kMaxStartMatches = 300;  // evenly drawn: enough to tell which starts lead somewhere
 /// Limits of the refinement from a start, in those of the last one: the rotation is off by some degrees at first.
@@ -148,7 +150,7 @@ double DirectionSigma(const CalibratedMatches& m, const Rigid3d& motion) {
 
 /// Refines the motions worth it, and returns those best first that turn about as the images do, where that is known.
 std::vector<Candidate> RankMotions(const CalibratedMatches& m, std::vector<Candidate> candidates,
-                                   const std::optional<Eigen::Quaterniond>& image_rotation) {
+                                   const std::optional<Eigen::Quaterniond>& second_from_first_by_images) {
   const double most_turned = m.options.max_rotation_difference_deg * M_PI / 180;
   double most = 0;
   for (Candidate& candidate : candidates) {
@@ -159,7 +161,9 @@ std::vector<Candidate> RankMotions(const CalibratedMatches& m, std::vector<Candi
   for (Candidate& candidate : candidates) {
     if (candidate.score == 0 || candidate.score < kRefineShare * most) continue;
     candidate.motion = RefineMotion(candidate.motion, m.first_xy, m.second_xy, std::sqrt(kChi2) * m.sigma_xy);
-    if (image_rotation && candidate.motion.rotation.angularDistance(*image_rotation) > most_turned) continue;
+    if (second_from_first_by_images &&
+        candidate.motion.rotation.angularDistance(*second_from_first_by_images) > most_turned)
+      continue;
     candidate.score = ScoreMotion(m, candidate.motion);
     ranked.push_back(candidate);
   }
@@ -210,7 +214,7 @@ int Triangulate(const CalibratedMatches& m, TwoViewReconstruction* result) {
 /// The motions of the homography and of the fundamental matrix (paper Eq. 9), and those that the images' rotation leads
 /// to.
 std::vector<Candidate> CandidateMotions(const CalibratedMatches& m, const TwoViewModel& fundamental,
-                                        const std::optional<Eigen::Quaterniond>& image_rotation) {
+                                        const std::optional<Eigen::Quaterniond>& second_from_first_by_images) {
   const Eigen::Matrix3d K1 = m.first_camera.K(), K2 = m.second_camera.K();
   const Result<TwoViewModel> homography = EstimateHomography(m.pixels, m.options);
   std::vector<Candidate> candidates;
@@ -223,8 +227,9 @@ std::vector<Candidate> CandidateMotions(const CalibratedMatches& m, const TwoVie
   for (const Rigid3d& motion : DecomposeEssential(K2.transpose() * fundamental.second_from_first * K1)) {
     candidates.push_back({motion, false});
   }
-  if (image_rotation) {
-    for (const Candidate& candidate : MotionsByRotation(m, *image_rotation)) candidates.push_back(candidate);
+  if (second_from_first_by_images) {
+    for (const Candidate& candidate : MotionsByRotation(m, *second_from_first_by_images))
+      candidates.push_back(candidate);
   }
   return candidates;
 }
@@ -278,14 +283,14 @@ std::vector<Rigid3d> DecomposeHomography(const Eigen::Matrix3d& second_from_firs
   return motions;
 }
 
-Result<TwoViewReconstruction> ReconstructTwoViews(const PixelMatches& matches, const PinholeCamera& first_camera,
-                                                  const PinholeCamera& second_camera, const TwoViewOptions& options,
-                                                  const std::optional<Eigen::Quaterniond>& image_rotation) {
+Result<TwoViewReconstruction> ReconstructTwoViews(
+    const PixelMatches& matches, const PinholeCamera& first_camera, const PinholeCamera& second_camera,
+    const TwoViewOptions& options, const std::optional<Eigen::Quaterniond>& second_from_first_by_images) {
   const Result<TwoViewModel> fundamental = EstimateFundamental(matches, options);
   if (!fundamental) return fundamental.error();
   const CalibratedMatches calibrated(matches, first_camera, second_camera, options);
-  const std::vector<Candidate> ranked =
-      RankMotions(calibrated, CandidateMotions(calibrated, *fundamental, image_rotation), image_rotation);
+  const std::vector<Candidate> ranked = RankMotions(
+      calibrated, CandidateMotions(calibrated, *fundamental, second_from_first_by_images), second_from_first_by_images);
   if (ranked.empty()) return Refused("no motion explains the matches");
 
   TwoViewReconstruction result;

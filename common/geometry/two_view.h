@@ -26,10 +26,11 @@ struct TwoViewOptions {
   double min_parallax_deg = 1.0;  ///< of a triangulated point, for it to count
   int min_points = 50;            ///< triangulated points, below it the pair is refused
   double ambiguity_ratio = 0.95;  ///< the second best motion has at most this share of the best one's score
-  /// Of the best motion's direction of translation, as the matches leave it: above it the pair is refused.
+  /// Of the best motion's direction of translation, as the matches leave it: above it the pair is refused. Of 375 right
+  /// pairs of all sequences 95 % have 2.2 and less, 98 % 3.1; wrong ones 2 to 20.
   double max_direction_sigma_deg = 3.5;
   /// Between the motion's rotation and the one that the images alone tell, which holds for far points: what is closer
-  /// turns it by some degrees.
+  /// turns it by some degrees. 13 and less for 99 % of the right pairs, 20 at most; wrong ones up to 106.
   double max_rotation_difference_deg = 25;
 };
 
@@ -70,12 +71,12 @@ struct TwoViewReconstruction {
 /// of H does not choose between them: on a road ahead H wins it with a wrong motion, and on a plane refinement on E's
 /// five degrees of freedom mends F. Ambiguous or poor solutions are refused with the reason rather than guessed: too
 /// few points, too little parallax, a second motion nearly as good, a direction that the matches leave open.
-/// @param image_rotation second from first, by the images alone (paper Eq. 3 to 6), where it is known. Then motions in
-/// directions all over the sphere are refined from it too: with few matches, a narrow view or repeated texture RANSAC
-/// misses the true motion or its rival. And what turns quite differently is no candidate.
-Result<TwoViewReconstruction> ReconstructTwoViews(const PixelMatches& matches, const PinholeCamera& first_camera,
-                                                  const PinholeCamera& second_camera, const TwoViewOptions& options,
-                                                  const std::optional<Eigen::Quaterniond>& image_rotation = {});
+/// @param second_from_first_by_images second from first, by the images alone (paper Eq. 3 to 6), where it is known.
+/// Then motions in directions all over the sphere are refined from it too: with few matches, a narrow view or repeated
+/// texture RANSAC misses the true motion or its rival. And what turns quite differently is no candidate.
+Result<TwoViewReconstruction> ReconstructTwoViews(
+    const PixelMatches& matches, const PinholeCamera& first_camera, const PinholeCamera& second_camera,
+    const TwoViewOptions& options, const std::optional<Eigen::Quaterniond>& second_from_first_by_images = {});
 
 /// The same by a motion that is known, up to the length of its translation: points alone. Nothing is ambiguous then,
 /// and matches that don't fit are no sign of a wrong motion; only too few points with parallax are refused.

@@ -14,9 +14,10 @@ import concurrent.futures
 import math
 import pathlib
 import statistics
-import subprocess
 import sys
 import tempfile
+
+import pipeline_run
 
 REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(REPOSITORY / "test" / "sequences"))
@@ -78,12 +79,7 @@ def read_maps(path, source):
 def begin_at(program, sequence, source, first, frames, settings):
     """Direction errors, degrees, of the maps that came of the frames."""
     with tempfile.TemporaryDirectory(prefix="beginnings_") as out:
-        command = [program, "--data", sequence, "--out", out, "--first", first, "--frames", frames, "--log", "error"]
-        for setting in settings:
-            command += ["--set", setting]
-        done = subprocess.run([str(part) for part in command], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, check=False)
-        if done.returncode != 0:
-            raise RuntimeError(f"portolan_pipeline_run on {sequence} ended with {done.returncode}: {done.stderr.strip()}")
+        pipeline_run.run(program, sequence, out, settings, "--first", first, "--frames", frames)
         maps = read_maps(pathlib.Path(out) / "trajectory_maps.txt", source)
     errors = [direction_error_deg(poses) for poses in maps.values()]
     return [error for error in errors if error is not None]

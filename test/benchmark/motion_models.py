@@ -13,9 +13,10 @@ import concurrent.futures
 import pathlib
 import re
 import statistics
-import subprocess
 import sys
 import tempfile
+
+import pipeline_run
 
 REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
 MODELS = {
@@ -36,13 +37,7 @@ def parse_summary(text):
 
 def run_once(program, sequence, every, model, first_frame):
     with tempfile.TemporaryDirectory(prefix="motion_models_") as out:
-        command = [program, "--data", sequence, "--out", out, "--every", every, "--first", first_frame, "--log", "error"]
-        for setting in MODELS[model]:
-            command += ["--set", setting]
-        done = subprocess.run([str(part) for part in command], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, check=False)
-    if done.returncode != 0:
-        raise RuntimeError(f"portolan_pipeline_run on {sequence} ended with {done.returncode}: {done.stderr.strip()}")
-    return parse_summary(done.stdout)
+        return parse_summary(pipeline_run.run(program, sequence, out, MODELS[model], "--every", every, "--first", first_frame))
 
 
 def cell(outcomes):
