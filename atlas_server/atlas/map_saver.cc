@@ -1,5 +1,9 @@
 #include "atlas/map_saver.h"
 
+#include <algorithm>
+
+#include "map/map_changes.h"
+
 namespace portolan {
 
 bool MapSaver::IsSaved(const Map& map) const {
@@ -14,19 +18,69 @@ bool MapSaver::IsComplete(const std::map<MapId, MapReplica>& replicas) const {
   return true;
 }
 
-Status MapSaver::Step(const std::map<MapId, MapReplica>& replicas, double now_s, double interval_s) {
+void MapSaver::OnApplied(const MapDelta& delta) {
+  std::vector<MapDelta>& waiting = saved_[delta.map].waiting;
+  const bool goes_on = waiting.empty() ? store_.CanAppend(delta)
+                                       : Continues(delta, waiting.back().epoch, waiting.back().revision) &&
+                                             waiting.size() < kMostWaiting;
+  if (!goes_on) return waiting.clear();
+  waiting.push_back(delta);
+}
+
+Result<bool> MapSaver::Step(const std::map<MapId, MapReplica>& replicas, double now_s) {
   for (const auto& [id, replica] : replicas) {
-    const Map& map = replica.map();
-    if (IsSaved(map)) continue;
-    std::vector<std::shared_ptr<const KeyFrameData>> missing;
-    for (const auto& [keyframe_id, keyframe] : map.keyframes()) {
-      if (missing.size() == kKeyFramesAStep) break;
-      if (!store_.HasKeyFrame(keyframe_id)) missing.push_back(keyframe.data);
-    }
-    if (!missing.empty()) return SaveKeyFrames(map, missing);
-    if (saved_.count(id) == 0 || now_s - saved_.at(id).time_s >= interval_s) return SaveState(map, now_s);
+    if (replica.map().revision() == 0) continue;
+    const Result<bool> written = StepMap(replica.map(), now_s);
+    if (!written || *written) return written;
   }
-  return Ok{};
+  return false;
+}
+
+Result<bool> MapSaver::StepMap(const Map& map, double now_s) {
+  const Saved& saved = saved_[map.id()];
+  const auto missing = MissingKeyFrames(map);
+  Status done = Ok{};
+  if (!missing.empty()) {
+    done = SaveKeyFrames(map, missing);
+  } else if (IsStateDue(map, saved, now_s)) {
+    done = SaveState(map, now_s);
+  } else if (!IsSaved(map) && MayAppend(map, saved) && now_s - saved.changes_s >= interval_s_) {
+    done = SaveChanges(map, now_s);
+  } else {
+    return false;
+  }
+  if (!done) return done.error();
+  return true;
+}
+
+/// Changes that lead to the map as it is. A keyframe that came and went between two pieces is in them and was not
+/// stored: then they can't be.
+bool MapSaver::MayAppend(const Map& map, const Saved& saved) const {
+  if (saved.waiting.empty() || State(saved.waiting.back().epoch, saved.waiting.back().revision) != StateOf(map))
+    return false;
+  return std::all_of(saved.waiting.begin(), saved.waiting.end(), [this](const MapDelta& change) {
+    return std::all_of(change.keyframes.begin(), change.keyframes.end(),
+                       [this](const auto& state) { return store_.HasKeyFrame(state.id); });
+  });
+}
+
+bool MapSaver::IsStateDue(const Map& map, const Saved& saved, double now_s) const {
+  if (now_s - saved.state_s < kStateIntervalS) return false;
+  if (!IsSaved(map) && !MayAppend(map, saved)) return true;
+  const auto [state_bytes, change_bytes] = store_.SizesOf(map.id());
+  if (change_bytes == 0) return false;
+  const bool rests = IsSaved(map) && now_s - saved.changes_s >= kRestS;
+  return rests || change_bytes > std::max(kMostChangeBytes, state_bytes / 2);
+}
+
+std::vector<std::shared_ptr<const KeyFrameData>> MapSaver::MissingKeyFrames(const Map& map) const {
+  std::vector<std::shared_ptr<const KeyFrameData>> missing;
+  if (IsSaved(map)) return missing;
+  for (const auto& [id, keyframe] : map.keyframes()) {
+    if (missing.size() == kKeyFramesAStep) break;
+    if (!store_.HasKeyFrame(id)) missing.push_back(keyframe.data);
+  }
+  return missing;
 }
 
 Status MapSaver::SaveKeyFrames(const Map& map, const std::vector<std::shared_ptr<const KeyFrameData>>& keyframes) {
@@ -36,18 +90,36 @@ Status MapSaver::SaveKeyFrames(const Map& map, const std::vector<std::shared_ptr
   return done;
 }
 
+Status MapSaver::SaveChanges(const Map& map, double now_s) {
+  Saved& saved = saved_[map.id()];
+  saved.changes_s = now_s;
+  Status done = store_.SaveChanges(saved.waiting);
+  if (!done) return done;
+  saved.waiting.clear();
+  saved.state = StateOf(map);
+  return done;
+}
+
 Status MapSaver::SaveState(const Map& map, double now_s) {
   Saved& saved = saved_[map.id()];
-  saved.time_s = now_s;
+  saved.state_s = now_s;
   Status done = store_.SaveMap(map.Snapshot());
-  if (done) saved.state = StateOf(map);
+  if (!done) return done;
+  saved.waiting.clear();
+  saved.state = StateOf(map);
   return done;
 }
 
 Status MapSaver::SaveAll(const std::map<MapId, MapReplica>& replicas, double now_s,
                          const std::function<void()>& between) {
-  while (!IsComplete(replicas)) {
-    if (Status done = Step(replicas, now_s, 0); !done) return done;
+  for (const auto& [id, replica] : replicas) {
+    const Map& map = replica.map();
+    for (auto missing = MissingKeyFrames(map); !missing.empty(); missing = MissingKeyFrames(map)) {
+      if (Status done = SaveKeyFrames(map, missing); !done) return done;
+      between();
+    }
+    if (IsSaved(map) && store_.SizesOf(id).change_bytes == 0) continue;
+    if (Status done = SaveState(map, now_s); !done) return done;
     between();
   }
   return Ok{};

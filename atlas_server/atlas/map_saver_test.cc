@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <utility>
 #include <vector>
@@ -12,7 +13,7 @@ namespace portolan {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr double kIntervalS = 3;
+constexpr double kIntervalS = 0.2;
 
 class MapSaverTest : public ::testing::Test {
  protected:
@@ -26,21 +27,35 @@ class MapSaverTest : public ::testing::Test {
   ~MapSaverTest() override { fs::remove_all(folder_); }
 
   /// Adds keyframes to the map, and brings the replica up to date.
-  void Grow(int keyframes) {
+  void Grow(MapSaver* saver, int keyframes) {
     for (int i = 0; i < keyframes; ++i) edits_.Edit(RandomEdits::kAddKeyFrame);
     edits_.Edit(RandomEdits::kAddPoint);
+    Follow(saver, map_.TakeDelta());
+  }
+  void Follow(MapSaver* saver, const MapDelta& delta) {
     MapReplica& replica = replicas_.try_emplace(map_.id(), map_.id()).first->second;
     for (const auto& [id, data] : edits_.data()) replica.AddKeyFrameData(data);
-    replica.AddDelta(map_.TakeDelta());
-    ASSERT_EQ(replica.ApplyPending().size(), 1u);
+    replica.AddDelta(delta);
+    const std::vector<MapDelta> applied = replica.ApplyPending();
+    ASSERT_EQ(applied.size(), 1u);
+    saver->OnApplied(applied[0]);
+  }
+  /// As a new owner would publish it.
+  void Begin(MapSaver* saver, Epoch epoch) {
+    MapDelta snapshot = map_.Snapshot();
+    snapshot.epoch = epoch;
+    Follow(saver, snapshot);
   }
   Revision StoredRevision() {
     auto content = store_->Load();
     return !content.ok() || content->maps.empty() ? 0 : content->maps[0].snapshot.revision;
   }
-  void Step(MapSaver* saver, double now_s) {
-    const Status done = saver->Step(replicas_, now_s);
-    ASSERT_TRUE(done.ok()) << done.error().message;
+  size_t ChangeBytes() const { return store_->SizesOf(map_.id()).change_bytes; }
+  /// @return whether something was written.
+  bool Step(MapSaver* saver, double now_s) {
+    const Result<bool> done = saver->Step(replicas_, now_s);
+    EXPECT_TRUE(done.ok()) << done.error().message;
+    return done.ok() && *done;
   }
 
   fs::path folder_;
@@ -52,49 +67,132 @@ class MapSaverTest : public ::testing::Test {
 
 TEST_F(MapSaverTest, StoresKeyFramesInBoundedPiecesThenTheState) {
   MapSaver saver(store_.get(), kIntervalS);
-  Grow(48);  // and the two of the beginning
+  Grow(&saver, 48);  // and the two of the beginning
   EXPECT_FALSE(saver.IsComplete(replicas_));
   for (const size_t stored : {20u, 40u, 50u}) {
-    Step(&saver, 0);
+    EXPECT_TRUE(Step(&saver, 0));
     EXPECT_EQ(store_->num_keyframes(), stored);
     EXPECT_EQ(StoredRevision(), 0u);
   }
-  Step(&saver, 0);
+  EXPECT_TRUE(Step(&saver, 0));
   EXPECT_EQ(StoredRevision(), 1u);
+  EXPECT_TRUE(saver.IsComplete(replicas_));
+  EXPECT_FALSE(Step(&saver, 10));
+}
+
+TEST_F(MapSaverTest, StoresKeyFramesAtOnceAndChangesAtIntervals) {
+  MapSaver saver(store_.get(), kIntervalS);
+  Grow(&saver, 1);
+  while (Step(&saver, 0)) continue;
+  ASSERT_EQ(StoredRevision(), 1u);
+  Grow(&saver, 1);
+  Grow(&saver, 1);
+  EXPECT_TRUE(Step(&saver, 0.01));
+  EXPECT_EQ(store_->num_keyframes(), map_.keyframes().size());
+  EXPECT_TRUE(Step(&saver, 0.01));
+  EXPECT_EQ(StoredRevision(), 3u) << "both changes";
+  EXPECT_GT(ChangeBytes(), 0u);
+  Grow(&saver, 0);
+  EXPECT_FALSE(Step(&saver, 0.2));
+  EXPECT_FALSE(saver.IsComplete(replicas_));
+  EXPECT_TRUE(Step(&saver, 0.22));
+  EXPECT_EQ(StoredRevision(), 4u);
   EXPECT_TRUE(saver.IsComplete(replicas_));
 }
 
-TEST_F(MapSaverTest, StoresKeyFramesAtOnceAndTheStateAtIntervals) {
+TEST_F(MapSaverTest, AMapThatRestsIsOneState) {
   MapSaver saver(store_.get(), kIntervalS);
-  Grow(1);
-  Step(&saver, 0);
-  Step(&saver, 0);
-  ASSERT_EQ(StoredRevision(), 1u);
-  Grow(1);
-  Step(&saver, 1);
-  EXPECT_EQ(store_->num_keyframes(), map_.keyframes().size());
-  Step(&saver, 2.9);
-  EXPECT_EQ(StoredRevision(), 1u);
-  Step(&saver, 3);
+  Grow(&saver, 1);
+  while (Step(&saver, 0)) continue;
+  Grow(&saver, 0);
+  ASSERT_TRUE(Step(&saver, 1));
+  const size_t change_bytes = ChangeBytes();
+  ASSERT_GT(change_bytes, 0u);
+  EXPECT_FALSE(Step(&saver, 1 + MapSaver::kRestS - 0.1));
+  EXPECT_EQ(ChangeBytes(), change_bytes);
+  EXPECT_TRUE(Step(&saver, 1 + MapSaver::kRestS));
+  EXPECT_EQ(ChangeBytes(), 0u);
   EXPECT_EQ(StoredRevision(), 2u);
 }
 
-TEST_F(MapSaverTest, SaveAllWaitsForNoInterval) {
+TEST_F(MapSaverTest, ChangesNeverBecomeMuchBesideTheState) {
   MapSaver saver(store_.get(), kIntervalS);
-  Grow(1);
+  double now_s = 0;
+  size_t most = 0, states = 0;
+  for (int round = 0; round < 400; ++round) {
+    for (int i = 0; i < 40; ++i) edits_.Edit(RandomEdits::kAddPoint);
+    Grow(&saver, 0);
+    for (now_s += 2 * kIntervalS; Step(&saver, now_s);) {
+      most = std::max(most, ChangeBytes());
+      states += ChangeBytes() == 0;
+    }
+    ASSERT_TRUE(saver.IsComplete(replicas_) || ChangeBytes() == 0);
+  }
+  EXPECT_GT(most, MapSaver::kMostChangeBytes / 2);
+  EXPECT_LT(most, MapSaver::kMostChangeBytes * 2);
+  EXPECT_GT(states, 1u);
+  EXPECT_LT(states, 40u);
+  ASSERT_TRUE(saver.SaveAll(replicas_, now_s, [] {}).ok());
+  EXPECT_EQ(StoredRevision(), map_.revision());
+}
+
+TEST_F(MapSaverTest, ANewOwnersStateIsStoredWhole) {
+  MapSaver saver(store_.get(), kIntervalS);
+  Grow(&saver, 1);
+  while (Step(&saver, 0)) continue;
+  Begin(&saver, 2);
+  EXPECT_FALSE(Step(&saver, MapSaver::kStateIntervalS - 0.1)) << "not at once after the last";
+  EXPECT_TRUE(Step(&saver, MapSaver::kStateIntervalS));
+  EXPECT_EQ(store_->Load()->maps.at(0).snapshot.epoch, 2u);
+  EXPECT_TRUE(saver.IsComplete(replicas_));
+}
+
+/// It is in the changes, and its data is no longer to be had.
+TEST_F(MapSaverTest, AKeyFrameThatCameAndWentBetweenTwoPieces) {
+  MapSaver saver(store_.get(), kIntervalS);
+  Grow(&saver, 3);
+  while (Step(&saver, 0)) continue;
+  Grow(&saver, 1);
+  const KeyFrameId last = map_.keyframes().rbegin()->first;
+  map_.RemoveKeyFrame(last);
+  Follow(&saver, map_.TakeDelta());
+  while (Step(&saver, 5)) continue;
+  EXPECT_TRUE(saver.IsComplete(replicas_));
+  EXPECT_EQ(StoredRevision(), map_.revision());
+  EXPECT_FALSE(store_->HasKeyFrame(last));
+}
+
+TEST_F(MapSaverTest, SaveAllWaitsForNothingAndStoresStates) {
+  MapSaver saver(store_.get(), kIntervalS);
+  Grow(&saver, 1);
   int pieces = 0;
   ASSERT_TRUE(saver.SaveAll(replicas_, 0.1, [&] { ++pieces; }).ok());
   EXPECT_EQ(pieces, 2);
-  Grow(60);
+  Grow(&saver, 0);
+  ASSERT_TRUE(Step(&saver, 0.1));
+  ASSERT_GT(ChangeBytes(), 0u);
+  Grow(&saver, 60);
   ASSERT_TRUE(saver.SaveAll(replicas_, 0.2, [&] { ++pieces; }).ok());
   EXPECT_EQ(pieces, 2 + 4);
-  EXPECT_EQ(StoredRevision(), 2u);
+  EXPECT_EQ(ChangeBytes(), 0u);
+  EXPECT_EQ(StoredRevision(), 3u);
   EXPECT_TRUE(saver.IsComplete(replicas_));
+}
+
+/// As when the disk was full for a while.
+TEST_F(MapSaverTest, GoesOnWithTheStateAfterManyChangesThatCouldNotBeStored) {
+  MapSaver saver(store_.get(), kIntervalS);
+  Grow(&saver, 1);
+  while (Step(&saver, 0)) continue;
+  for (size_t i = 0; i < MapSaver::kMostWaiting + 10; ++i) Grow(&saver, 0);
+  EXPECT_TRUE(Step(&saver, 10));
+  EXPECT_EQ(ChangeBytes(), 0u);
+  EXPECT_EQ(StoredRevision(), map_.revision());
 }
 
 TEST_F(MapSaverTest, NamesEachKeyFrameOnceThatItStored) {
   MapSaver saver(store_.get(), kIntervalS);
-  Grow(28);  // and the two of the beginning
+  Grow(&saver, 28);  // and the two of the beginning
   std::vector<std::pair<MapId, KeyFrameId>> stored;
   for (const size_t expected : {20u, 10u, 0u}) {
     Step(&saver, 0);
@@ -110,7 +208,7 @@ TEST_F(MapSaverTest, NamesEachKeyFrameOnceThatItStored) {
 TEST_F(MapSaverTest, GoesOnWhenWhatIsStoredIsNoLongerInMemory) {
   MapSaver saver(store_.get(), kIntervalS);
   for (int round = 0; round < 3; ++round) {
-    Grow(5);
+    Grow(&saver, 5);
     ASSERT_TRUE(saver.SaveAll(replicas_, round, [] {}).ok());
     for (const auto& [map, keyframe] : saver.TakeStored()) replicas_.at(map).DropAppearance(keyframe);
   }
@@ -122,7 +220,7 @@ TEST_F(MapSaverTest, GoesOnWhenWhatIsStoredIsNoLongerInMemory) {
 
 TEST_F(MapSaverTest, WritesNothingThatIsStoredAlready) {
   MapSaver saver(store_.get(), kIntervalS);
-  Grow(1);
+  Grow(&saver, 1);
   saver.Restore(map_.id(), map_.epoch(), map_.revision());
   EXPECT_TRUE(saver.IsComplete(replicas_));
   Step(&saver, 10);

@@ -7,13 +7,14 @@
 #include "atlas/zstd_blob.h"
 #include "base/hash.h"
 #include "map/byte_stream.h"
+#include "map/map_changes.h"
 #include "map/map_io.h"
 
 namespace portolan {
 namespace {
 
 constexpr uint64_t kApplicationId = 0x50544c4e;  // "PTLN"
-constexpr uint64_t kSchema = 2;
+constexpr uint64_t kSchema = 3;
 constexpr size_t kMaxBlobBytes = 1u << 30;  // SQLite's own limit on a blob
 
 constexpr const char* kFirstTables =  // of schema 1
@@ -28,6 +29,10 @@ constexpr const char* kGraphTables =  // new in schema 2
     "CREATE TABLE activity(map INTEGER NOT NULL, other INTEGER NOT NULL, count INTEGER NOT NULL, PRIMARY KEY(map, "
     "other));";
 
+constexpr const char* kChangeTable =  // new in schema 3
+    "CREATE TABLE change(map INTEGER NOT NULL, revision INTEGER NOT NULL, delta BLOB NOT NULL, PRIMARY KEY(map, "
+    "revision));";
+
 /// Runs a statement that has no rows.
 Status Run(SqlStatement* statement) {
   const Result<bool> row = statement->Step();
@@ -36,11 +41,11 @@ Status Run(SqlStatement* statement) {
   return Ok{};
 }
 
-std::vector<KeyFrameId> Members(const MapDelta& snapshot) {
-  std::vector<KeyFrameId> members;
-  for (const auto& state : snapshot.keyframes) members.push_back(state.id);
-  std::sort(members.begin(), members.end());
-  return members;
+/// @param members sorted; gets the keyframes of a state or a change too.
+void AddMembers(const MapDelta& delta, std::vector<KeyFrameId>* members) {
+  for (const auto& state : delta.keyframes) members->push_back(state.id);
+  std::sort(members->begin(), members->end());
+  members->erase(std::unique(members->begin(), members->end()), members->end());
 }
 
 uint64_t HashOf(MapId map, MapId other, std::string_view transform) {
@@ -138,6 +143,9 @@ Status MapStore::Migrate(uint64_t from) {
   if (from < 2) {
     if (Status made = database_.Execute(kGraphTables); !made) return made;
   }
+  if (from < 3) {
+    if (Status made = database_.Execute(kChangeTable); !made) return made;
+  }
   return database_.Execute("PRAGMA user_version = " + std::to_string(kSchema));
 }
 
@@ -182,32 +190,76 @@ Status MapStore::SaveKeyFrames(const std::vector<std::shared_ptr<const KeyFrameD
 Status MapStore::SaveMap(const MapDelta& snapshot) {
   for (const auto& [id, pose, parent, features] : snapshot.keyframes)
     PORTOLAN_CHECK(HasKeyFrame(id)) << "keyframe " << id << " of map " << snapshot.map << " is not stored";
-  const std::vector<KeyFrameId> members = Members(snapshot);
-  const std::vector<KeyFrameId> vanished = Vanished(snapshot.map, members);
+  Stored stored{snapshot.epoch, snapshot.revision, {}, {}, false};
+  AddMembers(snapshot, &stored.members);
+  const std::vector<KeyFrameId> vanished = Vanished(snapshot.map, stored.members);
   const Status done = InTransaction([&]() -> Status {
+    Result<SqlStatement> clear = database_.Prepare("DELETE FROM change WHERE map = ?1");
+    if (!clear) return clear.error();
+    if (Status cleared = Run(&clear->Bind(1, snapshot.map.value)); !cleared) return cleared;
     Result<SqlStatement> insert = database_.Prepare("INSERT OR REPLACE INTO map VALUES (?1, ?2, ?3, ?4)");
     if (!insert) return insert.error();
     const std::string blob = Compress(EncodeSnapshot(snapshot));
+    stored.sizes.state_bytes = blob.size();
     insert->Bind(1, snapshot.map.value).Bind(2, snapshot.epoch).Bind(3, snapshot.revision).Bind(4, blob);
     if (Status inserted = Run(&*insert); !inserted) return inserted;
     return Remove(vanished);
   });
   if (!done) return At(done.error());
   for (const KeyFrameId id : vanished) keyframes_.erase(id);
-  members_[snapshot.map] = members;
+  maps_[snapshot.map] = std::move(stored);
   damaged_.erase(snapshot.map);
   return Ok{};
 }
 
+bool MapStore::CanAppend(const MapDelta& change) const {
+  const auto stored = maps_.find(change.map);
+  return stored != maps_.end() && !stored->second.is_cut &&
+         Continues(change, stored->second.epoch, stored->second.revision);
+}
+
+Status MapStore::SaveChanges(const std::vector<MapDelta>& changes) {
+  if (changes.empty()) return Ok{};
+  PORTOLAN_CHECK(CanAppend(changes.front()))
+      << "change of map " << changes.front().map << " from revision " << changes.front().base_revision;
+  const MapId map = changes.front().map;
+  Stored stored = maps_.at(map);
+  const Status done = InTransaction([&]() -> Status {
+    Result<SqlStatement> insert = database_.Prepare("INSERT INTO change VALUES (?1, ?2, ?3)");
+    if (!insert) return insert.error();
+    for (const MapDelta& change : changes) {
+      PORTOLAN_CHECK(change.map == map && Continues(change, stored.epoch, stored.revision))
+          << "change of map " << change.map << " from revision " << change.base_revision;
+      for (const auto& state : change.keyframes)
+        PORTOLAN_CHECK(HasKeyFrame(state.id)) << "keyframe " << state.id << " of map " << map << " is not stored";
+      const std::string blob = Compress(EncodeChange(change));
+      if (Status inserted = Run(&insert->Bind(1, map.value).Bind(2, change.revision).Bind(3, blob)); !inserted)
+        return inserted;
+      stored.revision = change.revision;
+      stored.sizes.change_bytes += blob.size();
+      AddMembers(change, &stored.members);
+    }
+    return Ok{};
+  });
+  if (!done) return At(done.error());
+  maps_[map] = std::move(stored);
+  return Ok{};
+}
+
+MapStore::Sizes MapStore::SizesOf(MapId id) const {
+  const auto stored = maps_.find(id);
+  return stored == maps_.end() ? Sizes() : stored->second.sizes;
+}
+
 std::vector<KeyFrameId> MapStore::Vanished(MapId map, const std::vector<KeyFrameId>& staying) const {
-  const auto before = members_.find(map);
-  if (before == members_.end()) return {};
+  const auto before = maps_.find(map);
+  if (before == maps_.end()) return {};
   std::set<KeyFrameId> kept(staying.begin(), staying.end());  // here or, after a fusion, in another map
-  for (const auto& [other, members] : members_) {
-    if (other != map) kept.insert(members.begin(), members.end());
+  for (const auto& [other, stored] : maps_) {
+    if (other != map) kept.insert(stored.members.begin(), stored.members.end());
   }
   std::vector<KeyFrameId> vanished;
-  std::set_difference(before->second.begin(), before->second.end(), kept.begin(), kept.end(),
+  std::set_difference(before->second.members.begin(), before->second.members.end(), kept.begin(), kept.end(),
                       std::back_inserter(vanished));
   return vanished;
 }
@@ -276,9 +328,10 @@ Status MapStore::ReplaceGraph(const Graph& graph) {
 Status MapStore::DeleteMap(MapId id) {
   const std::vector<KeyFrameId> vanished = Vanished(id, {});
   const Status done = InTransaction([&]() -> Status {
-    for (const char* sql : {"DELETE FROM map WHERE id = ?1", "DELETE FROM ownership WHERE map = ?1",
-                            "DELETE FROM graph_map WHERE id = ?1", "DELETE FROM link WHERE map = ?1 OR other = ?1",
-                            "DELETE FROM fused WHERE map = ?1", "DELETE FROM activity WHERE map = ?1 OR other = ?1"}) {
+    for (const char* sql :
+         {"DELETE FROM map WHERE id = ?1", "DELETE FROM change WHERE map = ?1", "DELETE FROM ownership WHERE map = ?1",
+          "DELETE FROM graph_map WHERE id = ?1", "DELETE FROM link WHERE map = ?1 OR other = ?1",
+          "DELETE FROM fused WHERE map = ?1", "DELETE FROM activity WHERE map = ?1 OR other = ?1"}) {
       Result<SqlStatement> remove = database_.Prepare(sql);
       if (!remove) return remove.error();
       if (Status removed = Run(&remove->Bind(1, id.value)); !removed) return removed;
@@ -287,7 +340,7 @@ Status MapStore::DeleteMap(MapId id) {
   });
   if (!done) return At(done.error());
   for (const KeyFrameId keyframe : vanished) keyframes_.erase(keyframe);
-  members_.erase(id);
+  maps_.erase(id);
   damaged_.erase(id);
   return Ok{};
 }
@@ -328,13 +381,20 @@ Status MapStore::LoadEachMap(const std::function<void(StoredMap map)>& take, std
       ForEachRow("SELECT id FROM map ORDER BY id", [&](const SqlStatement& row) { ids.emplace_back(row.Integer(0)); });
   if (!read) return At(read.error());
   for (const MapId id : ids) {
-    Result<StoredMap> map = ReadMap(id);
+    Result<State> state = ReadState(id);
+    Result<StoredMap> map = state ? AddKeyFrames(std::move(state->snapshot)) : state.error();
     if (!map) {
       damaged_.insert(id);
       problems->push_back(At({"map " + ToString(id) + " is left out: " + map.error().message}).message);
       continue;
     }
-    members_[id] = Members(map->snapshot);
+    const MapDelta& snapshot = map->snapshot;
+    const bool is_cut = !state->problem.empty();
+    maps_[id] = {snapshot.epoch, snapshot.revision, state->sizes, std::move(state->members), is_cut};
+    if (is_cut) {
+      const std::string name = "map " + ToString(id) + " is as of revision " + std::to_string(snapshot.revision);
+      problems->push_back(At({name + ": " + state->problem}).message);
+    }
     take(std::move(*map));
   }
   return Ok{};
@@ -382,40 +442,79 @@ Status MapStore::LoadGraph(Content* content) {
 }
 
 Result<MapStore::StoredMap> MapStore::LoadMap(MapId id) {
-  Result<StoredMap> map = ReadMap(id);
+  Result<State> state = ReadState(id);
+  Result<StoredMap> map = state ? AddKeyFrames(std::move(state->snapshot)) : state.error();
   if (!map) return At({"map " + ToString(id) + ": " + map.error().message});
   return map;
 }
 
 Result<MapDelta> MapStore::LoadState(MapId id) {
-  Result<MapDelta> state = ReadState(id);
+  Result<State> state = ReadState(id);
   if (!state) return At({"map " + ToString(id) + ": " + state.error().message});
+  return std::move(state->snapshot);
+}
+
+Result<MapStore::State> MapStore::ReadState(MapId id) {
+  State state;
+  if (Status read = ReadSnapshot(id, &state); !read) return read.error();
+  if (Status read = ReadChanges(id, &state); !read) return read.error();
   return state;
 }
 
-Result<MapDelta> MapStore::ReadState(MapId id) {
+Status MapStore::ReadSnapshot(MapId id, State* state) {
   Result<SqlStatement> query = database_.Prepare("SELECT state FROM map WHERE id = ?1");
   if (!query) return query.error();
   const Result<bool> row = query->Bind(1, id.value).Step();
   if (!row) return row.error();
   if (!*row) return Error{"it is not in the store"};
+  state->sizes.state_bytes = query->Blob(0).size();
   const Result<std::string> bytes = Decompress(query->Blob(0), kMaxBlobBytes);
   if (!bytes) return Error{"map state: " + bytes.error().message};
-  Result<MapDelta> state = DecodeSnapshot(*bytes);
-  if (state && state->map != id) return Error{"the state is that of map " + ToString(state->map)};
-  return state;
+  Result<MapDelta> snapshot = DecodeSnapshot(*bytes);
+  if (!snapshot) return snapshot.error();
+  if (snapshot->map != id) return Error{"the state is that of map " + ToString(snapshot->map)};
+  state->snapshot = std::move(*snapshot);
+  AddMembers(state->snapshot, &state->members);
+  return Ok{};
 }
 
-Result<MapStore::StoredMap> MapStore::ReadMap(MapId id) {
-  Result<MapDelta> snapshot = ReadState(id);
-  if (!snapshot) return snapshot.error();
+/// Fails only where the file can't be read.
+Status MapStore::ReadChanges(MapId id, State* state) {
+  Result<SqlStatement> query = database_.Prepare("SELECT revision, delta FROM change WHERE map = ?1 ORDER BY revision");
+  if (!query) return query.error();
+  query->Bind(1, id.value);
+  std::vector<MapDelta> changes;
+  while (state->problem.empty()) {
+    const Result<bool> row = query->Step();
+    if (!row) return row.error();
+    if (!*row) break;
+    state->sizes.change_bytes += query->Blob(1).size();
+    const Result<std::string> bytes = Decompress(query->Blob(1), kMaxBlobBytes);
+    Result<MapDelta> change = bytes ? DecodeChange(*bytes) : bytes.error();
+    if (change) {
+      AddMembers(*change, &state->members);
+      changes.push_back(std::move(*change));
+    } else {
+      state->problem = "the change to revision " + std::to_string(query->Integer(0)) + ": " + change.error().message;
+    }
+  }
+  Result<MapDelta> merged = MergeChanges(state->snapshot, changes);
+  if (merged) {
+    state->snapshot = std::move(*merged);
+  } else {
+    state->problem = merged.error().message;
+  }
+  return Ok{};
+}
+
+Result<StoredMap> MapStore::AddKeyFrames(MapDelta snapshot) {
   StoredMap map;
-  for (const auto& keyframe : snapshot->keyframes) {
+  for (const auto& keyframe : snapshot.keyframes) {
     Result<KeyFrameData> data = ReadKeyFrame(keyframe.id);
     if (!data) return data.error();
     map.keyframes.push_back(std::move(*data));
   }
-  map.snapshot = std::move(*snapshot);
+  map.snapshot = std::move(snapshot);
   return map;
 }
 

@@ -21,16 +21,18 @@ namespace portolan {
 /// what. What a Save... has returned Ok for is there after a crash of the program or the machine. Every error names the
 /// file. One process has the file open at a time.
 ///
-/// Schema 2 (application_id "PTLN", user_version 2):
+/// Schema 3 (application_id "PTLN", user_version 3):
 ///   keyframe(id, data)                      data: EncodeKeyFrameData, zstd
 ///   map(id, epoch, revision, state)         state: EncodeSnapshot, zstd; its keyframes are in keyframe
+///   change(map, revision, delta)            what came after the map's state, each from the revision before to this:
+///                                           EncodeChange, zstd; what a map has is its state with its changes
 ///   ownership(map, robot, epoch, owner)     of every map ever granted and not deleted
 ///   graph_map(id), link(map, other, transform), fused(map, other, transform), activity(map, other, count)
 ///                                           the map graph; transform: map_from_other (see TransformBlob in
 ///                                           map_store.cc)
 /// Each blob has a hash over its content in it, which is verified when it is read; a blob that is damaged is left out
-/// and named. Schema 1 had no map graph; a file of it becomes one of schema 2, at once or not at all, when it is
-/// opened.
+/// and named; a map with a damaged change is as it was before that. Schema 1 had no map graph, schema 2 no changes; a
+/// file of them becomes one of schema 3, at once or not at all, when it is opened.
 class MapStore {
  public:
   /// Opens a store or makes a new one. Fails on a file of another kind, of a newer schema, damaged, locked by another
@@ -69,9 +71,20 @@ class MapStore {
 
   /// All of them or, on failure, none. Data that is there already is passed over; data without appearance is a failure.
   Status SaveKeyFrames(const std::vector<std::shared_ptr<const KeyFrameData>>& keyframes);
-  /// Replaces the map's state, and drops keyframes that were in the last one and are not in this. All keyframes must
-  /// have been saved.
+  /// Replaces the map's state and its changes, and drops keyframes that were in them and are not in this. All keyframes
+  /// must have been saved.
   Status SaveMap(const MapDelta& snapshot);
+  /// Whether the change can be stored as one: it goes on from what is stored of its map (after Load() or
+  /// LoadEachMap()).
+  bool CanAppend(const MapDelta& change) const;
+  /// Adds changes to what is stored of a map: all or, on failure, none. The first one CanAppend(), each other goes on
+  /// from the one before, and all keyframes in them must have been saved.
+  Status SaveChanges(const std::vector<MapDelta>& changes);
+  /// How much a map's state and its changes take; 0 for a map that is not stored.
+  struct Sizes {
+    size_t state_bytes = 0, change_bytes = 0;
+  };
+  Sizes SizesOf(MapId id) const;
   Status SaveOwnership(const Atlas::Ownership& ownership);
   /// Replaces the map graph as a whole.
   Status SaveGraph(const Graph& graph);
@@ -83,7 +96,7 @@ class MapStore {
 
   bool HasKeyFrame(KeyFrameId id) const { return keyframes_.count(id) == 1; }
   /// Whether a state of the map is stored; after Load() or LoadEachMap().
-  bool HasMap(MapId id) const { return members_.count(id) == 1; }
+  bool HasMap(MapId id) const { return maps_.count(id) == 1; }
   /// Whether there is a state of the map that can't be read; after Load() or LoadEachMap().
   bool IsDamaged(MapId id) const { return damaged_.count(id) == 1; }
   size_t num_keyframes() const { return keyframes_.size(); }
@@ -91,6 +104,15 @@ class MapStore {
 
  private:
   MapStore(std::string path, SqlDatabase database) : path_(std::move(path)), database_(std::move(database)) {}
+
+  /// What is known of a map in the file.
+  struct Stored {
+    Epoch epoch = 0;
+    Revision revision = 0;
+    Sizes sizes;
+    std::vector<KeyFrameId> members;  ///< keyframes in its state or its changes, sorted
+    bool is_cut = false;              ///< a change is damaged: none may follow
+  };
 
   Status Prepare();
   Status CheckOrigin();
@@ -101,8 +123,17 @@ class MapStore {
   /// Keyframes of the map's stored state that are in no map once it has only `staying`.
   std::vector<KeyFrameId> Vanished(MapId map, const std::vector<KeyFrameId>& staying) const;
   Status Remove(const std::vector<KeyFrameId>& keyframes);
-  Result<StoredMap> ReadMap(MapId id);
-  Result<MapDelta> ReadState(MapId id);
+  /// What is stored of a map, read.
+  struct State {
+    MapDelta snapshot;  ///< with the changes
+    Sizes sizes;
+    std::vector<KeyFrameId> members;
+    std::string problem;  ///< what is wrong with a change: it and those behind it are left out
+  };
+  Result<State> ReadState(MapId id);
+  Status ReadSnapshot(MapId id, State* state);
+  Status ReadChanges(MapId id, State* state);
+  Result<StoredMap> AddKeyFrames(MapDelta snapshot);
   Result<KeyFrameData> ReadKeyFrame(KeyFrameId id);
   Status LoadOwnerships(Content* content);
   Status LoadGraph(Content* content);
@@ -112,8 +143,8 @@ class MapStore {
 
   std::string path_;
   SqlDatabase database_;
-  std::set<KeyFrameId> keyframes_;                    // stored
-  std::map<MapId, std::vector<KeyFrameId>> members_;  // of the stored state of each map, sorted
+  std::set<KeyFrameId> keyframes_;  // stored
+  std::map<MapId, Stored> maps_;
   std::set<MapId> damaged_;
 };
 

@@ -60,6 +60,34 @@ TEST_F(MapStoreDamageTest, DamageOfABlobIsNoticedAndNamed) {
   }
 }
 
+TEST_F(MapStoreDamageTest, ADamagedChangeLeavesTheMapAsItWasBefore) {
+  Map map(MapId(0, 1, 1), 1);
+  RandomEdits edits(4, &map);
+  std::vector<MapDelta> changes;
+  uint64_t hash_before = 0;
+  {
+    const auto store = Open(path_);
+    static_cast<void>(map.TakeDelta());
+    ASSERT_TRUE(Save(store.get(), map).ok());
+    for (int i = 0; i < 4; ++i) {
+      if (i == 2) hash_before = HashMap(map);
+      edits.Edit(RandomEdits::kAddPoint);
+      changes.push_back(map.TakeDelta());
+    }
+    ASSERT_TRUE(store->SaveChanges(changes).ok());
+  }
+  ASSERT_TRUE(SqlDatabase::Open(path_)->Execute("UPDATE change SET delta = x'00' WHERE revision = 4").ok());
+  const auto store = Open(path_);
+  const MapStore::Content content = Load(store.get());
+  ASSERT_EQ(content.maps.size(), 1u);
+  EXPECT_EQ(HashOf(content.maps[0]), hash_before);
+  ASSERT_EQ(content.problems.size(), 1u);
+  EXPECT_THAT(content.problems[0], HasSubstr("map 0.000001.1 is as of revision 3: the change to revision 4: "));
+  EXPECT_FALSE(store->CanAppend(changes[2])) << "one that is damaged is in the way";
+  EXPECT_EQ(MessageOf(Save(store.get(), map)), "");
+  EXPECT_EQ(HashOf(store->LoadMap(map.id()).value()), HashMap(map));
+}
+
 TEST_F(MapStoreDamageTest, RefusesAFolderThatCantBeWritten) {
   if (geteuid() == 0) GTEST_SKIP() << "root may write everywhere";
   fs::permissions(folder_, fs::perms::owner_read | fs::perms::owner_exec);

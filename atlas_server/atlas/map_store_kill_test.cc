@@ -42,17 +42,19 @@ struct Note {
   for (uint32_t number = 1;; ++number) {
     Map map(MapId(0, session, number), 1);
     RandomEdits edits(random.Below(1u << 30), &map);
-    for (uint64_t states = 1 + random.Below(5); states > 0; --states) {
+    for (uint64_t states = 1 + random.Below(8); states > 0; --states) {
       for (int i = 0; i < 20; ++i) edits.Next();
-      static_cast<void>(map.TakeDelta());
+      const MapDelta change = map.TakeDelta();
       std::vector<std::shared_ptr<const KeyFrameData>> data;
       for (const auto& [id, keyframe] : map.keyframes()) data.push_back(keyframe.data);
       tell({Event::kWriting, map.id(), map.revision(), HashMap(map)});
       MapStore::Graph graph;
       graph.activities = {{map.id(), MapId(0, session, 0xffffff), map.revision()}};
-      if (!(*store)->SaveKeyFrames(data).ok() || !(*store)->SaveMap(map.Snapshot()).ok() ||
-          !(*store)->SaveGraph(graph).ok())
-        _exit(5);
+      const auto save = [&] {
+        const bool append = (*store)->CanAppend(change) && random.Below(4) > 0;
+        return append ? (*store)->SaveChanges({change}) : (*store)->SaveMap(map.Snapshot());
+      };
+      if (!(*store)->SaveKeyFrames(data).ok() || !save().ok() || !(*store)->SaveGraph(graph).ok()) _exit(5);
       tell({Event::kWritten, map.id(), map.revision(), HashMap(map)});
     }
     if (random.Below(4) > 0) continue;

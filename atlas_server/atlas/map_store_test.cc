@@ -89,6 +89,70 @@ TEST_F(MapStoreTest, ALaterStateReplacesTheOneBeforeAndDropsWhatLeftTheMap) {
   EXPECT_EQ(HashOf(content.maps[0]), HashMap(map));
 }
 
+/// Changes a map at random. @return what changed.
+MapDelta Change(Map* map, RandomEdits* edits) {
+  for (int i = 0; i < 20; ++i) edits->Next();
+  edits->Edit(RandomEdits::kAddPoint);
+  return map->TakeDelta();
+}
+
+TEST_F(MapStoreTest, ChangesGoOnFromTheStateAndFromEachOther) {
+  Map map(MapId(0, 1, 1), 1);
+  RandomEdits edits(4, &map);
+  MapDelta last;
+  for (int round = 0; round < 10; ++round) {
+    const auto store = Open(path_);
+    if (round > 0) {
+      EXPECT_EQ(HashOf(Load(store.get()).maps.at(0)), HashMap(map)) << "as it was left";
+    }
+    last = Change(&map, &edits);
+    if (round % 4 == 0) {
+      EXPECT_EQ(MessageOf(Save(store.get(), map)), "");
+      EXPECT_EQ(store->SizesOf(map.id()).change_bytes, 0u);
+    } else {
+      ASSERT_TRUE(store->CanAppend(last));
+      std::vector<MapDelta> changes = {last, Change(&map, &edits)};
+      ASSERT_EQ(MessageOf(store->SaveKeyFrames(DataOf(edits))), "");
+      EXPECT_EQ(MessageOf(store->SaveChanges(changes)), "");
+      EXPECT_FALSE(store->CanAppend(last)) << "what is stored has gone on";
+      EXPECT_GT(store->SizesOf(map.id()).change_bytes, 0u);
+    }
+    EXPECT_EQ(HashOf(store->LoadMap(map.id()).value()), HashMap(map));
+    EXPECT_EQ(store->LoadState(map.id()).value().revision, map.revision());
+  }
+  EXPECT_FALSE(Open(path_)->CanAppend(last)) << "of a file that was not loaded nothing is known";
+}
+
+TEST_F(MapStoreTest, KeyFramesOfChangesGoWithTheMap) {
+  Map map(MapId(0, 1, 1), 1);
+  RandomEdits edits(4, &map);
+  const auto store = Open(path_);
+  static_cast<void>(map.TakeDelta());
+  ASSERT_TRUE(Save(store.get(), map).ok());
+  edits.Edit(RandomEdits::kAddKeyFrame);
+  const MapDelta change = map.TakeDelta();
+  ASSERT_TRUE(store->SaveKeyFrames(DataOf(map)).ok());
+  ASSERT_TRUE(store->SaveChanges({change}).ok());
+  EXPECT_EQ(store->num_keyframes(), map.keyframes().size());
+  ASSERT_TRUE(store->DeleteMap(map.id()).ok());
+  EXPECT_EQ(store->num_keyframes(), 0u);
+  EXPECT_FALSE(store->CanAppend(change));
+}
+
+TEST_F(MapStoreTest, AFileOfSchema2TakesChanges) {
+  Map map(MapId(0, 1, 1), 1);
+  RandomEdits edits(4, &map);
+  static_cast<void>(Change(&map, &edits));
+  ASSERT_TRUE(Save(Open(path_).get(), map).ok());
+  ASSERT_TRUE(SqlDatabase::Open(path_)->Execute("DROP TABLE change; PRAGMA user_version = 2").ok());
+  const auto store = Open(path_);
+  EXPECT_EQ(HashOf(Load(store.get()).maps.at(0)), HashMap(map));
+  const MapDelta change = Change(&map, &edits);
+  ASSERT_TRUE(store->SaveKeyFrames(DataOf(map)).ok());
+  EXPECT_EQ(MessageOf(store->SaveChanges({change})), "");
+  EXPECT_EQ(HashOf(store->LoadMap(map.id()).value()), HashMap(map));
+}
+
 /// As after a fusion: a keyframe may pass from one map to another.
 TEST_F(MapStoreTest, AKeyFrameOfTwoMapsStaysWhileOneHasIt) {
   const Map map = MakeMap(3);
@@ -152,20 +216,19 @@ TEST_F(MapStoreTest, RefusesANewerSchema) {
   Open(path_).reset();
   {
     auto database = SqlDatabase::Open(path_);
-    ASSERT_TRUE(database->Execute("PRAGMA user_version = 3").ok());
+    ASSERT_TRUE(database->Execute("PRAGMA user_version = 4").ok());
   }
-  EXPECT_THAT(OpenError(path_), HasSubstr("newer Portolan (schema 3"));
+  EXPECT_THAT(OpenError(path_), HasSubstr("newer Portolan (schema 4"));
 }
 
-/// What schema 2 has and schema 1 had not, taken out again.
+/// What later schemas have and schema 1 had not, taken out again.
 void MakeSchema1(const fs::path& path) {
   auto database = SqlDatabase::Open(path);
   ASSERT_TRUE(database.ok());
-  ASSERT_TRUE(
-      database
-          ->Execute(
-              "DROP TABLE graph_map; DROP TABLE link; DROP TABLE fused; DROP TABLE activity; PRAGMA user_version = 1")
-          .ok());
+  ASSERT_TRUE(database
+                  ->Execute("DROP TABLE graph_map; DROP TABLE link; DROP TABLE fused; DROP TABLE activity; DROP TABLE "
+                            "change; PRAGMA user_version = 1")
+                  .ok());
 }
 
 TEST_F(MapStoreTest, AFileOfSchema1KeepsItsMapsAndGetsAGraph) {

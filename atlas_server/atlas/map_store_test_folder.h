@@ -48,6 +48,12 @@ class MapStoreTest : public ::testing::Test {
     for (const auto& [id, keyframe] : map.keyframes()) data.push_back(keyframe.data);
     return data;
   }
+  /// Of all keyframes that ever were.
+  static std::vector<std::shared_ptr<const KeyFrameData>> DataOf(const RandomEdits& edits) {
+    std::vector<std::shared_ptr<const KeyFrameData>> data;
+    for (const auto& [id, keyframe] : edits.data()) data.push_back(keyframe);
+    return data;
+  }
   static Status Save(MapStore* store, const Map& map) {
     Status saved = store->SaveKeyFrames(DataOf(map));
     return saved ? store->SaveMap(map.Snapshot()) : saved;

@@ -14,8 +14,8 @@ namespace portolan {
 struct AtlasOptions {
   std::string
       store;  ///< file of the atlas; empty: atlas.db in the output folder, if there is one; "none": nothing is stored
-  /// Between two stored states of a map: what a crash of all processes costs at most, besides the keyframes themselves.
-  double store_interval_s = 3;
+  /// Between two pieces of a growing map that are stored: what a crash of all processes costs at most.
+  double store_interval_s = 0.2;
   bool join_maps = true;  ///< off: maps are followed, granted and stored, and overlaps are not looked for
   int max_waiting = 5;    ///< keyframes of a robot that wait to be looked up; of more the newest
   ShelfOptions shelf;

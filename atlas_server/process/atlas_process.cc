@@ -207,7 +207,10 @@ void AtlasProcess::ApplyPending() {
   const std::vector<MapDelta> applied = shelf_.ApplyPending();
   if (applied.empty()) return;
   last_map_ = applied.back().map;
-  for (const MapDelta& delta : applied) atlas_.OnSize(delta.map, shelf_.maps().at(delta.map).map().keyframes().size());
+  for (const MapDelta& delta : applied) {
+    atlas_.OnSize(delta.map, shelf_.maps().at(delta.map).map().keyframes().size());
+    if (saver_) saver_->OnApplied(delta);
+  }
   times_.Add("apply", stopwatch.Milliseconds());
 }
 
@@ -394,9 +397,11 @@ void AtlasProcess::OnTick() {
 }
 
 void AtlasProcess::StoreAPiece() {
-  if (!saver_ || saver_->IsComplete(shelf_.maps())) return;
+  if (!saver_) return;
   const Stopwatch stopwatch;
-  if (Status stored = saver_->Step(shelf_.maps(), Now()); !stored) NoteStoreFailure(stored.error());
+  const Result<bool> stored = saver_->Step(shelf_.maps(), Now());
+  if (!stored) NoteStoreFailure(stored.error());
+  if (stored && !*stored) return;
   DropWhatIsStored();
   times_.Add("store", stopwatch.Milliseconds());
 }

@@ -9,6 +9,7 @@
 #include "base/hash.h"
 #include "dataset/compressed_image.h"
 #include "dataset/plot_canvas.h"
+#include "map/map_changes.h"
 #include "map/map_io.h"
 #include "map/random_edits.h"
 #include "map/replica_set.h"
@@ -269,10 +270,14 @@ FuzzOutcome RunStored(const uint8_t* data, size_t size) {
   hasher.AddBytes(bytes.data(), bytes.size());
   const uint64_t hash = hasher.Value();
   bytes.append(reinterpret_cast<const char*>(&hash), sizeof hash);
-  if (data[0] % 2 == 0) return {DecodeKeyFrameData(bytes).ok() ? 1 : 0, 0};
+  if (data[0] % 3 == 0) return {DecodeKeyFrameData(bytes).ok() ? 1 : 0, 0};
+  static const TwoMaps maps;  // which have the keyframes that it may name
+  if (data[0] % 3 == 2) {
+    const Result<MapDelta> change = DecodeChange(bytes);
+    return {change ? 1 : 0, change && MergeChanges(maps.map.Snapshot(), {*change}) ? 1 : 0};
+  }
   const Result<MapDelta> snapshot = DecodeSnapshot(bytes);
   if (!snapshot) return {};
-  static const TwoMaps maps;  // which have the keyframes that it may name
   const auto find_data = [](KeyFrameId id) -> std::shared_ptr<const KeyFrameData> {
     const KeyFrame* keyframe = maps.map.FindKeyFrame(id);
     return keyframe != nullptr ? keyframe->data : nullptr;
@@ -293,6 +298,9 @@ std::vector<Bytes> MakeStoredSeeds() {
   };
   add(0, EncodeKeyFrameData(*maps.map.keyframes().begin()->second.data));
   add(1, EncodeSnapshot(maps.map.Snapshot()));
+  MapDelta change = maps.map.Snapshot();  // all of it once more
+  change.base_revision = change.revision++;
+  add(2, EncodeChange(change));
   return seeds;
 }
 

@@ -11,9 +11,11 @@ namespace {
 
 constexpr std::string_view kKeyFrameMark = "PKFD";
 constexpr std::string_view kSnapshotMark = "PMAP";
+constexpr std::string_view kChangeMark = "PDLT";
 constexpr int kMaxSide = 1 << 20;        // pixels: beyond any camera
 constexpr int kMaxLevels = 64;           // of a pyramid: beyond any
 constexpr double kUnitTolerance = 1e-6;  // of a quaternion's norm: rounding leaves 1e-15
+constexpr int32_t kNoFeature = -1;       // of a removed observation (MapDelta::ObservationState)
 constexpr size_t kFeatureBytes = 2 * sizeof(float) + 1 + sizeof(float) + sizeof(Descriptor);
 
 uint64_t HashOf(std::string_view bytes) {
@@ -137,60 +139,124 @@ MapDelta::KeyFrameState ReadKeyFrameState(KeyFrameId before, ByteReader* reader)
   return state;
 }
 
-void WriteLists(const MapDelta& snapshot, ByteWriter* writer) {
-  writer->Varint(snapshot.keyframes.size());
+void WriteResiduals(const std::vector<CameraResidual>& residuals, ByteWriter* writer) {
+  writer->Varint(residuals.size());
+  for (const CameraResidual& known : residuals) {
+    Write(known.camera, writer);
+    Write(known.residual, writer);
+  }
+}
+
+/// @return what is wrong with the values, empty if nothing; as the others below.
+std::string ReadResiduals(ByteReader* reader, std::vector<CameraResidual>* residuals) {
+  residuals->resize(reader->Count(kCameraResidualBytes));
+  for (CameraResidual& known : *residuals) {
+    known.camera = ReadCamera(reader);
+    known.residual = ReadResidual(reader);
+    if (!IsSound(known.camera) || !IsSound(known.residual)) return "a camera's residual is out of range";
+  }
+  return "";
+}
+
+void WriteRemovals(const MapDelta& change, ByteWriter* writer) {
+  writer->Varint(change.removed_points.size());
+  MapPointId point;
+  for (const auto& removed : change.removed_points) {
+    writer->Step(removed.id.value, point.value);
+    writer->Step(removed.replaced_by.value, removed.id.value);
+    point = removed.id;
+  }
+  writer->Varint(change.removed_keyframes.size());
+  for (const auto& removed : change.removed_keyframes) {
+    writer->Fixed(removed.id.value);
+    writer->Fixed(removed.anchor.value);
+    writer->FixedArray(removed.removed_from_anchor.rotation.coeffs().data(), 4);
+    writer->FixedArray(removed.removed_from_anchor.translation.data(), 3);
+  }
+}
+
+std::string ReadRemovals(ByteReader* reader, MapDelta* change) {
+  change->removed_points.resize(reader->Count(2));
+  MapPointId point;
+  for (auto& removed : change->removed_points) {
+    removed.id = MapPointId(reader->Step(point.value));
+    removed.replaced_by = MapPointId(reader->Step(removed.id.value));
+    point = removed.id;
+    if (!point.IsValid()) return "a removed point without id";
+  }
+  change->removed_keyframes.resize(reader->Count(2 * sizeof(uint64_t) + 7 * sizeof(double)));
+  for (auto& removed : change->removed_keyframes) {
+    removed.id = KeyFrameId(reader->Fixed<uint64_t>());
+    removed.anchor = KeyFrameId(reader->Fixed<uint64_t>());
+    reader->FixedArray(removed.removed_from_anchor.rotation.coeffs().data(), 4);
+    reader->FixedArray(removed.removed_from_anchor.translation.data(), 3);
+    if (!removed.id.IsValid() || !IsSound(removed.removed_from_anchor)) return "a removed keyframe without id or pose";
+  }
+  return "";
+}
+
+/// @param lowest_feature 0, or -1 where observations may be removed.
+void WriteLists(const MapDelta& delta, int32_t lowest_feature, ByteWriter* writer) {
+  writer->Varint(delta.keyframes.size());
   KeyFrameId keyframe;
-  for (const auto& state : snapshot.keyframes) {
+  for (const auto& state : delta.keyframes) {
     Write(state, keyframe, writer);
     keyframe = state.id;
   }
-  writer->Varint(snapshot.points.size());
+  writer->Varint(delta.points.size());
   MapPointId point;
-  for (const auto& state : snapshot.points) {
+  for (const auto& state : delta.points) {
     writer->Step(state.id.value, point.value);
     writer->FixedArray(state.position_in_map.data(), 3);
     point = state.id;
   }
-  writer->Varint(snapshot.observations.size());
+  writer->Varint(delta.observations.size());
   MapDelta::ObservationState before;
-  for (const auto& state : snapshot.observations) {
-    PORTOLAN_CHECK(state.feature >= 0) << "a snapshot with a removed observation";
+  for (const auto& state : delta.observations) {
+    PORTOLAN_CHECK(state.feature >= lowest_feature) << "feature " << state.feature;
     writer->Step(state.point.value, before.point.value);
     writer->Step(state.keyframe.value, before.keyframe.value);
-    writer->Varint(static_cast<uint64_t>(state.feature));
+    writer->Varint(static_cast<uint64_t>(state.feature - lowest_feature));
     before = state;
   }
 }
 
-/// @return what is wrong with the values, empty if nothing.
-std::string ReadLists(ByteReader* reader, MapDelta* snapshot) {
-  snapshot->keyframes.resize(reader->Count(kKeyFrameMinBytes));
+std::string ReadLists(ByteReader* reader, int32_t lowest_feature, MapDelta* delta) {
+  delta->keyframes.resize(reader->Count(kKeyFrameMinBytes));
   KeyFrameId keyframe;
-  for (auto& state : snapshot->keyframes) {
+  for (auto& state : delta->keyframes) {
     state = ReadKeyFrameState(keyframe, reader);
     keyframe = state.id;
     if (!keyframe.IsValid() || !IsSound(state.camera_from_map)) return "a keyframe without id or pose";
   }
-  snapshot->points.resize(reader->Count(1 + 3 * sizeof(float)));
+  delta->points.resize(reader->Count(1 + 3 * sizeof(float)));
   MapPointId point;
-  for (auto& state : snapshot->points) {
+  for (auto& state : delta->points) {
     state.id = MapPointId(reader->Step(point.value));
     reader->FixedArray(state.position_in_map.data(), 3);
     point = state.id;
     if (!point.IsValid() || !state.position_in_map.allFinite()) return "a point without id or position";
   }
-  snapshot->observations.resize(reader->Count(3));
+  delta->observations.resize(reader->Count(3));
   MapDelta::ObservationState before;
-  for (auto& state : snapshot->observations) {
+  for (auto& state : delta->observations) {
     state.point = MapPointId(reader->Step(before.point.value));
     state.keyframe = KeyFrameId(reader->Step(before.keyframe.value));
     const uint64_t feature = reader->Varint();
     if (!state.point.IsValid() || !state.keyframe.IsValid() || feature > INT32_MAX)
       return "an observation out of range";
-    state.feature = static_cast<int32_t>(feature);
+    state.feature = static_cast<int32_t>(feature) + lowest_feature;
     before = state;
   }
   return "";
+}
+
+/// What is left to be said of a delta whose values were read.
+Status CheckRead(const ByteReader& reader, const std::string& wrong, const std::string& what, MapId map) {
+  if (!wrong.empty()) return Error{what + " of " + ToString(map) + ": " + wrong};
+  if (!reader.AtEnd()) return Error{what + " of " + ToString(map) + ": its length does not fit its content"};
+  if (!map.IsValid()) return Error{what + ": without a map's id"};
+  return Ok{};
 }
 
 }  // namespace
@@ -245,12 +311,8 @@ std::string EncodeSnapshot(const MapDelta& snapshot) {
   writer.Fixed(snapshot.map.value);
   writer.Fixed(snapshot.epoch);
   writer.Fixed(snapshot.revision);
-  writer.Varint(snapshot.residuals.size());
-  for (const CameraResidual& known : snapshot.residuals) {
-    Write(known.camera, &writer);
-    Write(known.residual, &writer);
-  }
-  WriteLists(snapshot, &writer);
+  WriteResiduals(snapshot.residuals, &writer);
+  WriteLists(snapshot, 0, &writer);
   return Seal(std::move(writer));
 }
 
@@ -263,18 +325,42 @@ Result<MapDelta> DecodeSnapshot(std::string_view bytes) {
   snapshot.map = MapId(reader.Fixed<uint64_t>());
   snapshot.epoch = reader.Fixed<uint64_t>();
   snapshot.revision = reader.Fixed<uint64_t>();
-  snapshot.residuals.resize(reader.Count(kCameraResidualBytes));
-  for (CameraResidual& known : snapshot.residuals) {
-    known.camera = ReadCamera(&reader);
-    known.residual = ReadResidual(&reader);
-    if (!IsSound(known.camera) || !IsSound(known.residual))
-      return Error{what + " of " + ToString(snapshot.map) + ": a camera's residual is out of range"};
-  }
-  const std::string wrong = ReadLists(&reader, &snapshot);
-  if (!wrong.empty()) return Error{what + " of " + ToString(snapshot.map) + ": " + wrong};
-  if (!reader.AtEnd()) return Error{what + " of " + ToString(snapshot.map) + ": its length does not fit its content"};
-  if (!snapshot.map.IsValid()) return Error{what + ": without a map's id"};
+  std::string wrong = ReadResiduals(&reader, &snapshot.residuals);
+  if (wrong.empty()) wrong = ReadLists(&reader, 0, &snapshot);
+  if (Status checked = CheckRead(reader, wrong, what, snapshot.map); !checked) return checked.error();
   return snapshot;
+}
+
+std::string EncodeChange(const MapDelta& change) {
+  PORTOLAN_CHECK(change.revision > change.base_revision && !change.IsSnapshot()) << "no change";
+  ByteWriter writer = Begin(kChangeMark);
+  writer.Fixed(change.map.value);
+  writer.Fixed(change.epoch);
+  writer.Fixed(change.base_revision);
+  writer.Fixed(change.revision);
+  WriteResiduals(change.residuals, &writer);
+  WriteRemovals(change, &writer);
+  WriteLists(change, kNoFeature, &writer);
+  return Seal(std::move(writer));
+}
+
+Result<MapDelta> DecodeChange(std::string_view bytes) {
+  const std::string what = "map change";
+  const Result<std::string_view> content = Unseal(bytes, kChangeMark, what);
+  if (!content) return content.error();
+  ByteReader reader(*content);
+  MapDelta change;
+  change.map = MapId(reader.Fixed<uint64_t>());
+  change.epoch = reader.Fixed<uint64_t>();
+  change.base_revision = reader.Fixed<uint64_t>();
+  change.revision = reader.Fixed<uint64_t>();
+  std::string wrong = ReadResiduals(&reader, &change.residuals);
+  if (wrong.empty()) wrong = ReadRemovals(&reader, &change);
+  if (wrong.empty()) wrong = ReadLists(&reader, kNoFeature, &change);
+  if (wrong.empty() && (change.IsSnapshot() || change.revision <= change.base_revision))
+    wrong = "from revision " + std::to_string(change.base_revision) + " to " + std::to_string(change.revision);
+  if (Status checked = CheckRead(reader, wrong, what, change.map); !checked) return checked.error();
+  return change;
 }
 
 }  // namespace portolan

@@ -9,10 +9,10 @@
 
 namespace portolan {
 
-// The form in which maps are stored (not sent: that is messages/). A block of bytes each for a keyframe's data and for
-// the state of a map:
+// The form in which maps are stored (not sent: that is messages/). A block of bytes each for a keyframe's data, for the
+// state of a map and for a change of it:
 //
-//   4 bytes   what it is: "PKFD" or "PMAP"
+//   4 bytes   what it is: "PKFD", "PMAP" or "PDLT"
 //   u16       version of the form
 //   ...       content (map_io.cc)
 //   u64       Hasher over all before
@@ -32,5 +32,10 @@ Result<KeyFrameData> DecodeKeyFrameData(std::string_view bytes);
 std::string EncodeSnapshot(const MapDelta& snapshot);
 /// Whether it makes a valid map is for Map::Apply to check.
 Result<MapDelta> DecodeSnapshot(std::string_view bytes);
+
+/// @param change of Map::TakeDelta(): from one revision to a later one.
+std::string EncodeChange(const MapDelta& change);
+/// Whether it fits a map is for Map::Apply to check.
+Result<MapDelta> DecodeChange(std::string_view bytes);
 
 }  // namespace portolan

@@ -1,10 +1,14 @@
 #include "map/map_io.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
+
+#include <algorithm>
 
 #include "base/hash.h"
 #include "base/random.h"
 #include "map/map.h"
+#include "map/map_changes.h"
 #include "map/random_edits.h"
 
 namespace portolan {
@@ -88,6 +92,62 @@ TEST(MapIo, SnapshotComesBackAsAnEqualMap) {
   EXPECT_EQ(replica.epoch(), example.map.epoch());
   EXPECT_EQ(replica.revision(), example.map.revision());
   EXPECT_EQ(EncodeSnapshot(*back), bytes);
+}
+
+/// With all that a change may have in it.
+MapDelta MakeChange(Example* example) {
+  for (int i = 0; i < 200; ++i) example->edits.Next();
+  for (int i = 0; i < 20; ++i) {  // removals from points that stay
+    example->edits.Edit(RandomEdits::kAddPoint);
+    for (int k = 0; k < 10; ++k) example->edits.Edit(RandomEdits::kAddObservation);
+    example->edits.Edit(RandomEdits::kRemoveObservation);
+  }
+  MapDelta change = example->map.TakeDelta();
+  const auto removes = [](const auto& o) { return o.feature < 0; };
+  EXPECT_FALSE(change.removed_points.empty() || change.removed_keyframes.empty()) << "the example removes both";
+  EXPECT_TRUE(std::any_of(change.observations.begin(), change.observations.end(), removes));
+  return change;
+}
+
+TEST(MapIo, ChangeComesBackAndMakesTheSameMap) {
+  Example example;
+  Map replica(example.map.id());
+  ASSERT_TRUE(replica.Apply(example.snapshot, example.edits.FindData()).ok());
+  const MapDelta change = MakeChange(&example);
+  const std::string bytes = EncodeChange(change);
+  const Result<MapDelta> back = DecodeChange(bytes);
+  ASSERT_TRUE(back.ok()) << MessageOf(back);
+  EXPECT_EQ(EncodeChange(*back), bytes);
+  EXPECT_EQ(back->removed_keyframes.back().anchor, change.removed_keyframes.back().anchor);
+  EXPECT_EQ(back->removed_points.back().replaced_by, change.removed_points.back().replaced_by);
+  const Status applied = replica.Apply(*back, example.edits.FindData());
+  ASSERT_TRUE(applied.ok()) << applied.error().message;
+  EXPECT_EQ(HashMap(replica), HashMap(example.map));
+  EXPECT_EQ(replica.revision(), example.map.revision());
+}
+
+TEST(MapIo, RefusesChangesOutOfRange) {
+  Example example;
+  const MapDelta sound = MakeChange(&example);
+  const auto refused = [&](auto spoil) {
+    MapDelta change = sound;
+    spoil(&change);
+    return !DecodeChange(EncodeChange(change)).ok();
+  };
+  EXPECT_TRUE(refused([](MapDelta* d) { d->map = MapId(); }));
+  EXPECT_TRUE(refused([](MapDelta* d) { d->residuals[0].residual.k1 = 1.5; }));
+  EXPECT_TRUE(refused([](MapDelta* d) { d->removed_points[0].id = MapPointId(); }));
+  EXPECT_TRUE(refused([](MapDelta* d) { d->removed_keyframes[0].id = KeyFrameId(); }));
+  EXPECT_TRUE(refused([](MapDelta* d) { d->removed_keyframes[0].removed_from_anchor.translation.z() = NAN; }));
+  EXPECT_TRUE(refused([](MapDelta* d) { d->keyframes[0].camera_from_map.translation.x() = NAN; }));
+  EXPECT_TRUE(refused([](MapDelta* d) { d->points[0].position_in_map.y() = INFINITY; }));
+  EXPECT_TRUE(refused([](MapDelta* d) { d->observations[0].point = MapPointId(); }));
+  EXPECT_FALSE(refused([](MapDelta*) {}));
+  std::string backwards = EncodeChange(sound);
+  const size_t base_at = kHeadBytes + 2 * sizeof(uint64_t);  // behind map and epoch
+  backwards.replace(base_at, sizeof(uint64_t), backwards.substr(base_at + sizeof(uint64_t), sizeof(uint64_t)));
+  EXPECT_THAT(MessageOf(DecodeChange(Reseal(backwards))), ::testing::HasSubstr("from revision 2 to 2"));
+  EXPECT_THAT(MessageOf(DecodeChange(EncodeSnapshot(example.snapshot))), ::testing::HasSubstr("PDLT"));
 }
 
 TEST(MapIo, SnapshotIsCompact) {
@@ -185,13 +245,16 @@ TEST(MapIo, RefusesSnapshotsOutOfRange) {
 /// Random changes under a hash that fits: whatever comes, an error or values in range, no crash and no great
 /// allocation.
 TEST(MapIo, SurvivesRandomBytesUnderARightHash) {
-  const Example example;
+  Example example;
   const std::string keyframe = EncodeKeyFrameData(example.data()), snapshot = EncodeSnapshot(example.snapshot);
+  Map before(example.map.id());
+  ASSERT_TRUE(before.Apply(example.snapshot, example.edits.FindData()).ok());
+  const std::string change = EncodeChange(MakeChange(&example));
   Random random(2);
   int refused = 0;
   for (int trial = 0; trial < 3000; ++trial) {
-    std::string a = keyframe, b = snapshot;
-    for (std::string* bytes : {&a, &b}) {
+    std::string a = keyframe, b = snapshot, c = change;
+    for (std::string* bytes : {&a, &b, &c}) {
       const uint64_t changes = 1 + random.Below(8);
       for (uint64_t i = 0; i < changes; ++i) {
         // Half of them at the front, where the counts stand.
@@ -202,8 +265,14 @@ TEST(MapIo, SurvivesRandomBytesUnderARightHash) {
     }
     const Result<KeyFrameData> data = DecodeKeyFrameData(Reseal(a));
     const Result<MapDelta> delta = DecodeSnapshot(Reseal(b));
-    refused += !data.ok() + !delta.ok();
+    const Result<MapDelta> later = DecodeChange(Reseal(c));
+    refused += !data.ok() + !delta.ok() + !later.ok();
     if (data.ok()) MakeKeyFrameData(*data, nullptr);
+    if (later.ok()) {
+      static_cast<void>(MergeChanges(example.snapshot, {*later}).ok());
+      Map map = before;
+      static_cast<void>(map.Apply(*later, example.edits.FindData()).ok());
+    }
     if (!delta.ok()) continue;
     Map map(delta->map);
     static_cast<void>(map.Apply(*delta, example.edits.FindData()).ok());
@@ -218,6 +287,7 @@ TEST(MapIo, SurvivesPlainNoise) {
     for (char& byte : bytes) byte = static_cast<char>(random.Next());
     EXPECT_FALSE(DecodeKeyFrameData(bytes).ok());
     EXPECT_FALSE(DecodeSnapshot(bytes).ok());
+    EXPECT_FALSE(DecodeChange(bytes).ok());
   }
 }
 
