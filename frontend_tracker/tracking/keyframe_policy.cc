@@ -63,10 +63,6 @@ bool KeyFramePolicy::IsQualityGood(const Frame& frame) const {
   return frame.Quality() > options_.min_quality || frame.num_inliers >= options_.sure_points;
 }
 
-bool KeyFramePolicy::IsQualityFair(const Frame& frame) const {
-  return frame.num_inliers >= options_.urgent_points && frame.Quality() > options_.urgent_quality;
-}
-
 bool KeyFramePolicy::IsFar(const Map& map, const Frame& frame, double factor) const {
   const double depth = MeanDepth(map, frame);
   if (depth <= 0) return false;
@@ -106,7 +102,7 @@ bool KeyFramePolicy::IsUrgent(const Map& map, const Frame& frame) const {
 }
 
 KeyFramePolicy::Decision KeyFramePolicy::Decide(const Map& map, const Frame& frame, bool mapper_idle) const {
-  if (!IsQualityGood(frame) && !(mapper_idle && IsQualityFair(frame) && IsUrgent(map, frame))) return Decision::kNo;
+  if (!IsQualityGood(frame) && !(mapper_idle && IsUrgent(map, frame))) return Decision::kNo;
   if (SecondsBetween(last_keyframe_stamp_, frame.stamp) < options_.min_interval_s) return Decision::kNo;
   if (!IsFarEnough(map, frame) && !IsViewNew(map, frame)) return Decision::kNo;
   if (mapper_idle) return Decision::kInsert;

@@ -24,12 +24,12 @@ class KeyFramePolicy {
     kInsert,
     kInterrupt,  ///< urgent, and only the busy mapper is in the way: tell it to stop optimising (paper Sec. 3.3)
   };
+  /// @param frame tracked (IsFound). Beyond the paper that is enough where it is urgent and the mapper idle, as in a
+  /// fast turn whose pictures are blurred: without new keyframes the camera would be lost.
   Decision Decide(const Map& map, const Frame& frame, bool mapper_idle) const;
 
   /// First condition: at least 10 points and s = n / m > 0.7.
   bool IsQualityGood(const Frame& frame) const;
-  /// Beyond the paper: what is enough of a frame that is urgent.
-  bool IsQualityFair(const Frame& frame) const;
   /// Second condition, Eq. (7): s_ci / d_c > s_01 / d_0.
   bool IsFarEnough(const Map& map, const Frame& frame) const { return IsFar(map, frame, options_.distance_factor); }
   /// Beyond the paper: the frame has lost sight of much of what its reference keyframe sees, as when the camera turns;

@@ -37,8 +37,6 @@ void ReadTracker(ConfigReader* config, TrackerOptions* tracker) {
   config->Read("tracker.keyframe.min_points", &keyframe.min_points, {4, 1000});
   config->Read("tracker.keyframe.min_quality", &keyframe.min_quality, {0, 0.99});
   config->Read("tracker.keyframe.sure_points", &keyframe.sure_points, {4, 20000});
-  config->Read("tracker.keyframe.urgent_quality", &keyframe.urgent_quality, {0, 0.99});
-  config->Read("tracker.keyframe.urgent_points", &keyframe.urgent_points, {4, 20000});
   config->Read("tracker.keyframe.max_reference_overlap", &keyframe.max_reference_overlap, {0, 1});
   config->Read("tracker.keyframe.known_place_overlap", &keyframe.known_place_overlap, {0, 1});
   config->Read("tracker.keyframe.recent_keyframes", &keyframe.recent_keyframes, {1, 100000});

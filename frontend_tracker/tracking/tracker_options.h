@@ -26,13 +26,9 @@ struct KeyFramePolicyOptions {
   int min_points = 10;       ///< fewer tracked points: quality is poor (paper)
   double min_quality = 0.7;  ///< s = n / m above it: quality is good (paper)
   /// Beyond the paper: with this many inliers the pose is good whatever their share. Where texture repeats many matches
-  /// are wrong, and without new keyframes tracking would starve.
-  int sure_points = 100;
-  /// Beyond the paper: enough for a frame that is urgent while the mapper is idle, as in a fast turn whose pictures are
-  /// blurred, if it has urgent_points: its pose is good enough to grow the map from. Without it the camera would be
-  /// lost.
-  double urgent_quality = 0.4;
-  int urgent_points = 30;  ///< inliers
+  /// are wrong, and without new keyframes tracking would starve. With 100, where less than half agree, maps of
+  /// office_walk bend in fast turns (backwards 1.3 m in place of 0.14 m).
+  int sure_points = 140;
   /// Beyond the paper: share of the reference keyframe's established landmarks still tracked, below which the view has
   /// changed enough even without translation (rotation into the unseen).
   double max_reference_overlap = 0.9;
