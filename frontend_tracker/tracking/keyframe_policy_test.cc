@@ -87,10 +87,10 @@ TEST_F(KeyFramePolicyTest, QualityNeedsTenPointsAndSevenTenths) {
   frame.num_inliers = 36;
   EXPECT_TRUE(policy_.IsQualityGood(frame));
   // Many points are good whatever their share: repeated texture must not starve the map.
-  frame.num_inliers = 140;
+  frame.num_inliers = 120;
   frame.num_candidates = 400;
   EXPECT_TRUE(policy_.IsQualityGood(frame));
-  frame.num_inliers = 139;
+  frame.num_inliers = 119;
   EXPECT_FALSE(policy_.IsQualityGood(frame));
   frame.num_inliers = 0;
   frame.num_candidates = 0;
