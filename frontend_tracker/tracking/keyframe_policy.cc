@@ -102,7 +102,8 @@ bool KeyFramePolicy::IsUrgent(const Map& map, const Frame& frame) const {
 }
 
 KeyFramePolicy::Decision KeyFramePolicy::Decide(const Map& map, const Frame& frame, bool mapper_idle) const {
-  if (!IsQualityGood(frame) && !(mapper_idle && IsUrgent(map, frame))) return Decision::kNo;
+  const bool is_needed = mapper_idle && frame.num_inliers >= options_.min_points && IsUrgent(map, frame);
+  if (!IsQualityGood(frame) && !is_needed) return Decision::kNo;
   if (SecondsBetween(last_keyframe_stamp_, frame.stamp) < options_.min_interval_s) return Decision::kNo;
   if (!IsFarEnough(map, frame) && !IsViewNew(map, frame)) return Decision::kNo;
   if (mapper_idle) return Decision::kInsert;
