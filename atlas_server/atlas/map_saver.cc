@@ -36,18 +36,22 @@ Result<bool> MapSaver::Step(const std::map<MapId, MapReplica>& replicas, double 
   return false;
 }
 
+/// Few new keyframes and what changed with them go in one step: where keyframes come faster than steps, changes would
+/// never have their turn.
 Result<bool> MapSaver::StepMap(const Map& map, double now_s) {
   const Saved& saved = saved_[map.id()];
   const auto missing = MissingKeyFrames(map);
-  Status done = Ok{};
   if (!missing.empty()) {
-    done = SaveKeyFrames(map, missing);
-  } else if (IsStateDue(map, saved, now_s)) {
+    if (Status done = SaveKeyFrames(map, missing); !done) return done.error();
+    if (missing.size() == kKeyFramesAStep) return true;
+  }
+  Status done = Ok{};
+  if (IsStateDue(map, saved, now_s)) {
     done = SaveState(map, now_s);
   } else if (!IsSaved(map) && MayAppend(map, saved) && now_s - saved.changes_s >= interval_s_) {
     done = SaveChanges(map, now_s);
   } else {
-    return false;
+    return !missing.empty();
   }
   if (!done) return done.error();
   return true;

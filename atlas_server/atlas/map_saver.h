@@ -26,7 +26,8 @@ class MapSaver {
   /// A delta that was applied to the map's replica; every one.
   void OnApplied(const MapDelta& delta);
 
-  /// One piece: at most kKeyFramesAStep keyframes, or the changes or the state of one map. Time of any steady clock.
+  /// One piece: at most kKeyFramesAStep keyframes of one map and, if those were all, its changes or its state. Time of
+  /// any steady clock.
   /// @return whether there was one.
   Result<bool> Step(const std::map<MapId, MapReplica>& replicas, double now_s);
 
