@@ -28,10 +28,15 @@ void MapSaver::OnApplied(const MapDelta& delta) {
 }
 
 Result<bool> MapSaver::Step(const std::map<MapId, MapReplica>& replicas, double now_s) {
-  for (const auto& [id, replica] : replicas) {
-    if (replica.map().revision() == 0) continue;
-    const Result<bool> written = StepMap(replica.map(), now_s);
-    if (!written || *written) return written;
+  auto next = replicas.upper_bound(last_);  // in turns: a map that grows fast leaves the others theirs
+  for (size_t i = 0; i < replicas.size(); ++i, ++next) {
+    if (next == replicas.end()) next = replicas.begin();
+    const Map& map = next->second.map();
+    if (map.revision() == 0) continue;
+    const Result<bool> written = StepMap(map, now_s);
+    if (written && !*written) continue;
+    last_ = map.id();
+    return written;
   }
   return false;
 }

@@ -26,8 +26,8 @@ class MapSaver {
   /// A delta that was applied to the map's replica; every one.
   void OnApplied(const MapDelta& delta);
 
-  /// One piece: at most kKeyFramesAStep keyframes of one map and, if those were all, its changes or its state. Time of
-  /// any steady clock.
+  /// One piece, maps in turns: at most kKeyFramesAStep keyframes of one map and, if those were all, its changes or its
+  /// state. Time of any steady clock.
   /// @return whether there was one.
   Result<bool> Step(const std::map<MapId, MapReplica>& replicas, double now_s);
 
@@ -54,12 +54,13 @@ class MapSaver {
 
   /// 2 MB, some 20 ms with compression and a flush to the disk.
   static constexpr size_t kKeyFramesAStep = 20;
-  /// Changes of a map take at most half of its state, or this where that is more: reading them stays fast, and writing
-  /// the state anew costs no more than they did.
+  /// Changes of a map take about half of its state at most, or this where that is more: merging them when they are read
+  /// stays cheap, and writing the state anew costs some twice what they did.
   static constexpr size_t kMostChangeBytes = 256 << 10;
-  /// A map that did not change for so long is stored as one state.
+  /// A map that did not change for so long is stored as one state: long beside the time between keyframes, so that a
+  /// map that grows is not written anew in each pause.
   static constexpr double kRestS = 3;
-  /// Between attempts to write a map's whole state.
+  /// Between attempts to write a map's whole state, which takes tens of milliseconds for hundreds of keyframes.
   static constexpr double kStateIntervalS = 1;
   /// Changes that wait to be stored; beyond it the store is out of order, and the state is written when it is back.
   static constexpr size_t kMostWaiting = 256;
@@ -86,6 +87,7 @@ class MapSaver {
   MapStore& store_;
   double interval_s_;
   std::map<MapId, Saved> saved_;
+  MapId last_;  // that a piece was written of
   std::vector<std::pair<MapId, KeyFrameId>> stored_;
 };
 

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <map>
+#include <memory>
 #include <utility>
 #include <vector>
 
@@ -32,9 +34,10 @@ class MapSaverTest : public ::testing::Test {
     edits_.Edit(RandomEdits::kAddPoint);
     Follow(saver, map_.TakeDelta());
   }
-  void Follow(MapSaver* saver, const MapDelta& delta) {
-    MapReplica& replica = replicas_.try_emplace(map_.id(), map_.id()).first->second;
-    for (const auto& [id, data] : edits_.data()) replica.AddKeyFrameData(data);
+  void Follow(MapSaver* saver, const MapDelta& delta) { Follow(saver, edits_, delta); }
+  void Follow(MapSaver* saver, const RandomEdits& edits, const MapDelta& delta) {
+    MapReplica& replica = replicas_.try_emplace(delta.map, delta.map).first->second;
+    for (const auto& [id, data] : edits.data()) replica.AddKeyFrameData(data);
     replica.AddDelta(delta);
     const std::vector<MapDelta> applied = replica.ApplyPending();
     ASSERT_EQ(applied.size(), 1u);
@@ -110,6 +113,28 @@ TEST_F(MapSaverTest, ChangesAreStoredThoughEachStepFindsANewKeyFrame) {
     EXPECT_TRUE(Step(&saver, step));
     EXPECT_TRUE(saver.IsComplete(replicas_)) << "step " << step;
   }
+}
+
+/// Robots with a map each, which all have something new at each step.
+TEST_F(MapSaverTest, MapsHaveTheirTurnsThoughEachGrowsAllTheTime) {
+  constexpr uint32_t kMaps = 4;
+  MapSaver saver(store_.get(), kIntervalS);
+  std::vector<std::unique_ptr<Map>> maps;
+  std::vector<std::unique_ptr<RandomEdits>> edits;
+  for (uint32_t robot = 0; robot < kMaps; ++robot) {
+    maps.push_back(std::make_unique<Map>(MapId(static_cast<RobotId>(robot), 1, 1), 1));
+    edits.push_back(std::make_unique<RandomEdits>(robot, maps.back().get(), robot + 1));
+  }
+  std::map<MapId, int> pieces;
+  for (int step = 0; step < 40; ++step) {
+    for (uint32_t robot = 0; robot < kMaps; ++robot) {
+      edits[robot]->Edit(RandomEdits::kAddKeyFrame);
+      Follow(&saver, *edits[robot], maps[robot]->TakeDelta());
+    }
+    ASSERT_TRUE(Step(&saver, step));
+    for (const auto& [id, replica] : replicas_) pieces[id] += saver.IsSaved(replica.map());
+  }
+  for (const auto& [id, written] : pieces) EXPECT_EQ(written, 10) << "map " << id;
 }
 
 TEST_F(MapSaverTest, AMapThatRestsIsOneState) {

@@ -7,7 +7,7 @@
 
 namespace portolan {
 
-/// Whether `change` goes on from the state that `before` ends with.
+/// Whether the change goes on from this state of its map.
 inline bool Continues(const MapDelta& change, Epoch epoch, Revision revision) {
   return !change.IsSnapshot() && change.epoch == epoch && change.base_revision == revision;
 }
