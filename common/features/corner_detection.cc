@@ -7,7 +7,7 @@
 namespace portolan {
 namespace {
 
-constexpr int kFastRadius = 3;  // of the circle of 16 pixels that FAST compares with its centre
+constexpr int kFastRadius = FastCorners::kRadius;
 
 /// Number of cells of about cell_px along a length: at least one.
 int CountCells(int length, int cell_px) {
@@ -34,10 +34,11 @@ const std::vector<Corner>& CornerDetector::Detect(const cv::Mat& level) {
 void CornerDetector::DetectInside(const cv::Mat& level, const cv::Rect& area, int threshold) {
   const cv::Rect padded(area.x - kFastRadius, area.y - kFastRadius, area.width + 2 * kFastRadius,
                         area.height + 2 * kFastRadius);
-  cv::FAST(level(padded), keypoints_, threshold, true, cv::FastFeatureDetector::TYPE_9_16);
-  for (const cv::KeyPoint& keypoint : keypoints_) {
-    corners_.push_back(
-        {static_cast<int>(keypoint.pt.x) + padded.x, static_cast<int>(keypoint.pt.y) + padded.y, keypoint.response});
+  const size_t before = corners_.size();
+  fast_.Find(level(padded), threshold, &corners_);
+  for (size_t i = before; i < corners_.size(); ++i) {
+    corners_[i].x += padded.x;
+    corners_[i].y += padded.y;
   }
 }
 

@@ -2,18 +2,13 @@
 
 #include <cstdint>
 #include <opencv2/core.hpp>
-#include <opencv2/features2d.hpp>
 #include <vector>
+
+#include "features/fast_corners.h"
 
 namespace portolan {
 
-/// A FAST corner of one pyramid level.
-struct Corner {
-  int x = 0, y = 0;  ///< pixel of the level
-  float score = 0;   ///< largest threshold at which it is a corner, grey levels
-};
-
-/// Finds the FAST-9 corners of an image (Rosten and Drummond, ECCV 2006), with non-maximum suppression.
+/// Finds the corners of an image all over it.
 ///
 /// The whole image is searched once at a high threshold. Cells that come out empty, as in shade or on bare walls, are
 /// searched again at a low one: the low threshold on the whole image would cost twice the time where there is texture
@@ -33,7 +28,7 @@ class CornerDetector {
   void SearchEmptyCells(const cv::Mat& level, const cv::Rect& area);
 
   const int threshold_, min_threshold_, cell_px_, border_px_;
-  std::vector<cv::KeyPoint> keypoints_;
+  FastCorners fast_;
   std::vector<Corner> corners_;
   std::vector<uint8_t> is_occupied_;
 };

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <opencv2/features2d.hpp>
 
 #include "features/test_images.h"
 

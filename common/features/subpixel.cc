@@ -1,14 +1,12 @@
 #include "features/subpixel.h"
 
 #include <algorithm>
-#include <opencv2/core/hal/intrin.hpp>
+
+#include "features/fast_corners.h"
 
 namespace portolan {
 namespace {
 
-constexpr int kCircle = 16;
-constexpr int kCircleX[kCircle] = {0, 1, 2, 3, 3, 3, 2, 1, 0, -1, -2, -3, -3, -3, -2, -1};
-constexpr int kCircleY[kCircle] = {-3, -3, -2, -1, 0, 1, 2, 3, 3, 3, 2, 1, 0, -1, -2, -3};
 constexpr float kMaxOffset = 0.5f;  // measured: looser bounds locate worse
 
 /// Scores s(u, v) for u, v = -1..1, column u + 1, row v + 1.
@@ -29,21 +27,6 @@ Eigen::Vector2f ParabolaTop(const Scores& s) {
 }
 
 }  // namespace
-
-int FastScore(const cv::Mat& level, int x, int y, int sign) {
-  const uchar* centre = level.ptr<uchar>(y) + x;
-  const auto stride = static_cast<ptrdiff_t>(level.step[0]);
-  alignas(16) uchar circle[kCircle];
-  for (int i = 0; i < kCircle; ++i) circle[i] = centre[kCircleY[i] * stride + kCircleX[i]];
-  const cv::v_uint8x16 ring = cv::v_load_aligned(circle), middle = cv::v_setall_u8(*centre);
-  const cv::v_uint8x16 contrast = sign > 0 ? ring - middle : middle - ring;  // saturates at 0
-  // Least of 2, 4, 8, 9 neighbours in a row, from each of the sixteen on.
-  cv::v_uint8x16 least = cv::v_min(contrast, cv::v_rotate_right<1>(contrast, contrast));
-  least = cv::v_min(least, cv::v_rotate_right<2>(least, least));
-  least = cv::v_min(least, cv::v_rotate_right<4>(least, least));
-  least = cv::v_min(least, cv::v_rotate_right<8>(contrast, contrast));
-  return cv::v_reduce_max(least);
-}
 
 Eigen::Vector2f SubpixelOffset(const cv::Mat& level, int x, int y) {
   const int brighter = FastScore(level, x, y, +1), darker = FastScore(level, x, y, -1);

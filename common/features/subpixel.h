@@ -13,8 +13,4 @@ namespace portolan {
 /// @param level CV_8UC1; (x, y) at least 4 pixels inside it. @return offset from (x, y), each coordinate within +-0.5.
 Eigen::Vector2f SubpixelOffset(const cv::Mat& level, int x, int y);
 
-/// The FAST-9 score of a pixel (Rosten and Drummond, ECCV 2006): the largest t so that nine pixels in a row of the
-/// circle around it are all brighter (sign +1) or all darker (sign -1) than it by t, 0 to 255.
-int FastScore(const cv::Mat& level, int x, int y, int sign);
-
 }  // namespace portolan

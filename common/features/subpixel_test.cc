@@ -59,17 +59,6 @@ double MedianShiftError(bool subpixel) {
   return Quantile(errors, 0.5);
 }
 
-TEST(FastScore, AgreesWithTheDetector) {
-  const cv::Mat image = TexturedImage(160, 120, 1);
-  CornerDetector detector(20, 20, 35, 3);
-  const std::vector<Corner>& corners = detector.Detect(image);
-  ASSERT_GT(corners.size(), 50u);
-  for (const Corner& corner : corners) {
-    const int score = std::max(FastScore(image, corner.x, corner.y, +1), FastScore(image, corner.x, corner.y, -1));
-    EXPECT_EQ(score, corner.score + 1);  // OpenCV asks for a contrast above the threshold
-  }
-}
-
 TEST(SubpixelOffset, IsZeroWithoutContrast) {
   EXPECT_EQ(SubpixelOffset(cv::Mat(32, 32, CV_8UC1, cv::Scalar(77)), 16, 16), Eigen::Vector2f::Zero());
 }
