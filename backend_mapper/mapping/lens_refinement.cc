@@ -29,6 +29,16 @@ double RimRadius(const BundleProblem& problem) {
   return *rim;
 }
 
+/// Degrees from the first pose's orientation to that of the pose farthest from it.
+double LargestTurn(const BundleProblem& problem) {
+  double largest = 0;
+  for (const auto& pose : problem.poses) {
+    largest = std::max(largest,
+                       problem.poses.front().camera_from_map.rotation.angularDistance(pose.camera_from_map.rotation));
+  }
+  return largest * 180 / M_PI;
+}
+
 /// The feature as it was before the known residual was taken out.
 Eigen::Vector2d AsCalibrated(const KeyFrameData& data, uint32_t feature) {
   const Eigen::Vector2d xy =
@@ -82,6 +92,7 @@ LensFinding FindRadialResidual(const LensProblem& lens_problem, const LensRefine
   const BundleProblem& problem = lens_problem.bundle;
   const RadialResidual& known = lens_problem.known;
   if (static_cast<int>(problem.points_in_map.size()) < options.min_points) return {};
+  if (LargestTurn(problem) < options.min_turn_deg) return {};
   BundleOptions bundle;
   bundle.max_iterations = options.max_iterations;
   bundle.function_tolerance = kFunctionTolerance;
@@ -100,9 +111,10 @@ LensFinding FindRadialResidual(const LensProblem& lens_problem, const LensRefine
   const double over_focal =
       (adjusted->cost_without - adjusted->cost_with) / std::max(1e-9, adjusted->cost_without - adjusted->cost_focal);
   const bool is_focal = over_focal < options.min_over_focal;
-  const bool is_significant = !is_focal && shift_px >= options.min_shift_px &&
+  const bool is_certain = evidence > 0 && shift_px <= options.max_sigma_px * std::sqrt(evidence);
+  const bool is_significant = !is_focal && is_certain && shift_px >= options.min_shift_px &&
                               Shift(adjusted->residual, {}, rim) < kMaxShiftShare * rim &&
-                              evidence >= (known.IsNone() ? options.min_evidence : options.min_evidence_again);
+                              evidence >= options.min_evidence;
   spdlog::info(
       "lens: the calibration leaves k1 {:.4f} k2 {:.4f}, {:.2f} px from what is known, evidence {:.0f}, {:.1f} times a "
       "focal length's: {}",

@@ -32,8 +32,8 @@ LensProblem MakeLensProblem(const Map& map, const LensRefinementOptions& options
 /// map, by bundle adjustment with a free lens. Published calibrations are often a few pixels off at the rim; features
 /// then bend on their way through the image, and in turns the scale drifts. It is worth taking in if it moves features
 /// at the rim by options.min_shift_px or more, and explains the map far better than none does and better than another
-/// focal length would. With an exact calibration nothing is. A residual that is
-/// known already, from a smaller map, is replaced by the same rules. Takes some 0.2 s. Thread-safe.
+/// focal length would, with the shift known to options.max_sigma_px. With an exact calibration nothing is. A residual
+/// that is known already, from a smaller map, is replaced by the same rules. Takes some 0.2 s. Thread-safe.
 LensFinding FindRadialResidual(const LensProblem& problem, const LensRefinementOptions& options);
 
 /// What becomes of a map once a camera's residual is taken out of all its keyframes: global BA over it, as a proposal

@@ -16,15 +16,17 @@ LensFinding FindInMap(const Map& map, const LensRefinementOptions& options) {
   return FindRadialResidual(MakeLensProblem(map, options), options);
 }
 
-/// Views along a winding path, seen through a lens that the calibration does not know.
-Map MapThrough(const RadialResidual& lens, double pixel_sigma) {
+/// Views along a winding path, seen through a lens that the calibration does not know. @param turning factor of the
+/// camera's turns.
+Map MapThrough(const RadialResidual& lens, double pixel_sigma, double turning = 1) {
   TestSceneOptions options;
   options.pixel_sigma = pixel_sigma;
   TestScene scene(options);
   std::vector<TestView> views;
   for (int i = 0; i < 16; ++i) {
     views.push_back(
-        scene.See(CameraAt({0.15 * i, 0.1 * (i % 4), 0.1 * i}, {0.03 * (i % 5), 0.06 * (i % 7) - 0.2, 0.02 * i})));
+        scene.See(CameraAt({0.15 * i, 0.1 * (i % 4), 0.1 * i},
+                           {turning * 0.03 * (i % 5), turning * (0.06 * (i % 7) - 0.2), turning * 0.02 * i})));
   }
   for (TestView& view : views) {
     KeyFrameData data = *view.data;
@@ -82,6 +84,9 @@ TEST(LensRefinementTest, ABetterEstimateReplacesTheKnownOne) {
   EXPECT_EQ(problem.known, known);
   const RadialResidual found = FindRadialResidual(problem, {}).residual;
   EXPECT_NEAR(found.Distort({0.6, 0}).x(), lens.Distort({0.6, 0}).x(), 1e-3);
+  LensRefinementOptions sceptical;
+  sceptical.min_evidence = 1e6;
+  EXPECT_TRUE(FindRadialResidual(problem, sceptical).residual.IsNone()) << "it must be as certain as the first";
   map.SetResidual(map.keyframes().begin()->second.data->camera, lens);
   EXPECT_TRUE(FindRadialResidual(MakeLensProblem(map, {}), {}).residual.IsNone()) << "there is nothing new";
 }
@@ -121,6 +126,24 @@ TEST(LensRefinementTest, LooksAgainWhereLensAndFocalLengthExplainAboutTheSame) {
 
 TEST(LensRefinementTest, LeavesAloneWhatDoesNoHarm) {
   EXPECT_TRUE(FindInMap(MapThrough({0.002, -0.001}, 0.3), {}).residual.IsNone());  // 0.2 px at the rim
+}
+
+TEST(LensRefinementTest, LeavesAloneWhatIsNotCertain) {
+  const Map map = MapThrough({0.06, -0.09}, 0.3);
+  LensRefinementOptions options;
+  options.max_sigma_px = 1e-3;
+  EXPECT_TRUE(FindInMap(map, options).residual.IsNone());
+  options.max_sigma_px = 1e3;
+  EXPECT_FALSE(FindInMap(map, options).residual.IsNone());
+}
+
+TEST(LensRefinementTest, AsksForATurn) {
+  const Map map = MapThrough({0.06, -0.09}, 0.3, 0.2);  // a fifth: 4 degrees and less
+  LensRefinementOptions options;
+  EXPECT_TRUE(FindInMap(map, options).residual.IsNone());
+  EXPECT_FALSE(FindInMap(map, options).is_settled) << "a map that goes on may turn";
+  options.min_turn_deg = 1;
+  EXPECT_FALSE(FindInMap(map, options).residual.IsNone());
 }
 
 TEST(LensRefinementTest, AsksForEnoughPoints) {

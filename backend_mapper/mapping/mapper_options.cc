@@ -41,6 +41,7 @@ std::vector<Range> Ranges(const MapperOptions& o) {
       {"lens.window", static_cast<double>(o.lens.window), 2, 1000},
       {"lens.min_observations", static_cast<double>(o.lens.min_observations), 2, 100},
       {"lens.max_points", static_cast<double>(o.lens.max_points), 1, 1e5},
+      {"lens.min_turn_deg", o.lens.min_turn_deg, 0, 180},
       {"lens.max_iterations", static_cast<double>(o.lens.max_iterations), 1, 1000},
       {"pruning.probation_keyframes", static_cast<double>(o.pruning.probation_keyframes), 1, 100},
       {"pruning.probation_observations", static_cast<double>(o.pruning.probation_observations), 2, 100},
