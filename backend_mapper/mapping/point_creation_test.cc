@@ -3,7 +3,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "mapping/epipolar_search.h"
 #include "mapping/mapping_test_scene.h"
 
 namespace portolan {
@@ -117,22 +116,6 @@ TEST_F(PointCreation, RefusesMatchesOffTheEpipolarLine) {
     refused += triangulator.Triangulate(matches[k].first, matches[k + 1].second).has_value() ? 0 : 1;
   }
   EXPECT_GT(refused, static_cast<int>(matches.size()) * 9 / 10);
-}
-
-TEST_F(PointCreation, SearchIsOneToOneAndSparesLandmarks) {
-  TestSceneOptions scene;
-  scene.clutter = 300;
-  scene.pixel_sigma = 0.5;
-  MakeScene(scene, {0.8, 0.1, 0});
-  const KeyFrameView first(map_->keyframe(views_[0].data->id)), second(map_->keyframe(views_[1].data->id));
-  std::set<uint32_t> firsts, seconds;
-  for (const FeatureMatch& match : SearchEpipolar(first, second, 1.0, options_)) {
-    EXPECT_TRUE(firsts.insert(match.first).second);
-    EXPECT_TRUE(seconds.insert(match.second).second);
-    EXPECT_TRUE(first.IsFree(match.first) && second.IsFree(match.second));
-    EXPECT_LE(match.distance, options_.max_distance);
-  }
-  EXPECT_GT(firsts.size(), 50u);
 }
 
 }  // namespace
