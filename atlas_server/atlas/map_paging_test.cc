@@ -50,14 +50,6 @@ class MapPagingTest : public MapStoreTest {
     }
     store_ = Open(path_);
   }
-  static Map Joined(Map into, const Map& other) {
-    into.SetEpoch(2);
-    const KeyFrameId last = into.keyframes().rbegin()->first;
-    for (const auto& [id, keyframe] : other.keyframes())
-      into.AddKeyFrame(keyframe.data, keyframe.camera_from_map, keyframe.parent.IsValid() ? keyframe.parent : last);
-    into.TakeDelta();
-    return into;
-  }
 
   const TwoMaps maps_;
   const MapId first_ = maps_.first.id(), second_ = maps_.second.id();
@@ -329,7 +321,7 @@ TEST_F(MapPagingTest, AFusedMapsKeyFramesGoOnInTheOther) {
   shelf.Trim([&](const Map& map) { return map.id() == second_; });
   shelf.Remove(second_, first_);
   EXPECT_EQ(shelf.num_paged(), 0u);
-  shelf.AddChunk({0, 1, Joined(maps_.first, maps_.second).Snapshot()});
+  shelf.AddChunk({0, 1, maps_.Joined().Snapshot()});
   shelf.ApplyPending();
   EXPECT_EQ(shelf.FindMap(first_)->keyframes().size(), 40u);
   EXPECT_EQ(shelf.indexed_keyframes(), 40u);
@@ -340,7 +332,7 @@ TEST_F(MapPagingTest, NoticesAMapThatTookInAPagedOne) {
   Store(maps_.first, &shelf);
   Store(maps_.second, &shelf);
   shelf.Trim([&](const Map& map) { return map.id() == second_; });
-  shelf.AddChunk({0, 1, Joined(maps_.first, maps_.second).Snapshot()});
+  shelf.AddChunk({0, 1, maps_.Joined().Snapshot()});
   for (const auto& [id, keyframe] : maps_.second.keyframes()) shelf.AddKeyFrame(first_, Sent(keyframe));
   shelf.ApplyPending();
   EXPECT_THAT(shelf.TakeTakenIn(), ElementsAre(std::make_pair(first_, second_)));

@@ -219,15 +219,9 @@ TEST_F(MapShelfTest, AFusedMapsKeyFramesGoOnInTheOther) {
   MapShelf shelf = MakeShelf();
   Follow(maps_.first, &shelf);
   Follow(maps_.second, &shelf);
-  Map joined = maps_.first;
-  joined.SetEpoch(2);
-  const KeyFrameId last = joined.keyframes().rbegin()->first;
-  for (const auto& [id, keyframe] : maps_.second.keyframes())
-    joined.AddKeyFrame(keyframe.data, keyframe.camera_from_map, keyframe.parent.IsValid() ? keyframe.parent : last);
-  joined.TakeDelta();
   shelf.Remove(maps_.second.id(), maps_.first.id());
   EXPECT_EQ(shelf.FindMap(maps_.second.id()), nullptr);
-  shelf.replicas().AddDelta(joined.Snapshot());
+  shelf.replicas().AddDelta(maps_.Joined().Snapshot());
   shelf.ApplyPending();
   EXPECT_EQ(shelf.FindMap(maps_.first.id())->keyframes().size(), 40u);
   EXPECT_EQ(shelf.indexed_keyframes(), 40u);
@@ -238,13 +232,7 @@ TEST_F(MapShelfTest, NoticesAMapThatTookInAnother) {
   MapShelf shelf = MakeShelf();
   Follow(maps_.first, &shelf);
   Follow(maps_.second, &shelf);
-  Map joined = maps_.first;
-  joined.SetEpoch(2);
-  const KeyFrameId last = joined.keyframes().rbegin()->first;
-  for (const auto& [id, keyframe] : maps_.second.keyframes())
-    joined.AddKeyFrame(keyframe.data, keyframe.camera_from_map, keyframe.parent.IsValid() ? keyframe.parent : last);
-  joined.TakeDelta();
-  shelf.replicas().AddDelta(joined.Snapshot());
+  shelf.replicas().AddDelta(maps_.Joined().Snapshot());
   shelf.ApplyPending();
   EXPECT_THAT(shelf.TakeTakenIn(), ElementsAre(std::make_pair(maps_.first.id(), maps_.second.id())));
   EXPECT_TRUE(shelf.TakeTakenIn().empty());

@@ -2,11 +2,9 @@
 
 #include <algorithm>
 #include <iterator>
-#include <optional>
 
+#include "atlas/graph_tables.h"
 #include "atlas/zstd_blob.h"
-#include "base/hash.h"
-#include "map/byte_stream.h"
 #include "map/map_changes.h"
 #include "map/map_io.h"
 
@@ -22,64 +20,15 @@ constexpr const char* kFirstTables =  // of schema 1
     "CREATE TABLE map(id INTEGER PRIMARY KEY, epoch INTEGER NOT NULL, revision INTEGER NOT NULL, state BLOB NOT NULL);"
     "CREATE TABLE ownership(map INTEGER PRIMARY KEY, robot INTEGER NOT NULL, epoch INTEGER NOT NULL, owner INTEGER NOT "
     "NULL);";
-constexpr const char* kGraphTables =  // new in schema 2
-    "CREATE TABLE graph_map(id INTEGER PRIMARY KEY);"
-    "CREATE TABLE link(map INTEGER NOT NULL, other INTEGER NOT NULL, transform BLOB NOT NULL, PRIMARY KEY(map, other));"
-    "CREATE TABLE fused(map INTEGER NOT NULL, other INTEGER PRIMARY KEY, transform BLOB NOT NULL);"
-    "CREATE TABLE activity(map INTEGER NOT NULL, other INTEGER NOT NULL, count INTEGER NOT NULL, PRIMARY KEY(map, "
-    "other));";
-
 constexpr const char* kChangeTable =  // new in schema 3
     "CREATE TABLE change(map INTEGER NOT NULL, revision INTEGER NOT NULL, delta BLOB NOT NULL, PRIMARY KEY(map, "
     "revision));";
-
-/// Runs a statement that has no rows.
-Status Run(SqlStatement* statement) {
-  const Result<bool> row = statement->Step();
-  if (!row) return row.error();
-  statement->Reset();
-  return Ok{};
-}
 
 /// @param members sorted; gets the keyframes of a state or a change too.
 void AddMembers(const MapDelta& delta, std::vector<KeyFrameId>* members) {
   for (const auto& state : delta.keyframes) members->push_back(state.id);
   std::sort(members->begin(), members->end());
   members->erase(std::unique(members->begin(), members->end()), members->end());
-}
-
-uint64_t HashOf(MapId map, MapId other, std::string_view transform) {
-  Hasher hasher;
-  hasher.Add(map.value);
-  hasher.Add(other.value);
-  hasher.AddBytes(transform.data(), transform.size());
-  return hasher.Value();
-}
-
-/// How it was found, scale, rotation (x, y, z, w) and translation as doubles, and a hash over them and the two maps.
-template <class T>
-std::string TransformBlob(const T& entry, uint8_t origin) {
-  ByteWriter writer;
-  writer.Fixed(origin);
-  writer.Fixed(entry.map_from_other.scale);
-  writer.FixedArray(entry.map_from_other.rotation.coeffs().data(), 4);
-  writer.FixedArray(entry.map_from_other.translation.data(), 3);
-  writer.Fixed(HashOf(entry.map, entry.other, writer.bytes()));
-  return writer.Take();
-}
-
-/// Reads it for the two maps that `entry` names. @return the origin, or none when it is damaged.
-template <class T>
-std::optional<uint8_t> ReadTransformBlob(std::string_view blob, T* entry) {
-  ByteReader reader(blob);
-  const auto origin = reader.Fixed<uint8_t>();
-  entry->map_from_other.scale = reader.Fixed<double>();
-  reader.FixedArray(entry->map_from_other.rotation.coeffs().data(), 4);
-  reader.FixedArray(entry->map_from_other.translation.data(), 3);
-  const auto hash = reader.Fixed<uint64_t>();
-  if (!reader.AtEnd() || hash != HashOf(entry->map, entry->other, blob.substr(0, blob.size() - sizeof hash)))
-    return std::nullopt;
-  return origin;
 }
 
 }  // namespace
@@ -141,7 +90,7 @@ Status MapStore::MakeSchema() {
 /// written.
 Status MapStore::Migrate(uint64_t from) {
   if (from < 2) {
-    if (Status made = database_.Execute(kGraphTables); !made) return made;
+    if (Status made = MakeGraphTables(&database_); !made) return made;
   }
   if (from < 3) {
     if (Status made = database_.Execute(kChangeTable); !made) return made;
@@ -158,14 +107,8 @@ Status MapStore::InTransaction(const std::function<Status()>& work) {
 }
 
 Status MapStore::ReadKeyFrameIds() {
-  Result<SqlStatement> query = database_.Prepare("SELECT id FROM keyframe");
-  if (!query) return query.error();
-  for (;;) {
-    const Result<bool> row = query->Step();
-    if (!row) return row.error();
-    if (!*row) return Ok{};
-    keyframes_.insert(KeyFrameId(query->Integer(0)));
-  }
+  return database_.ForEachRow("SELECT id FROM keyframe",
+                              [this](const SqlStatement& row) { keyframes_.insert(KeyFrameId(row.Integer(0))); });
 }
 
 Status MapStore::SaveKeyFrames(const std::vector<std::shared_ptr<const KeyFrameData>>& keyframes) {
@@ -177,7 +120,7 @@ Status MapStore::SaveKeyFrames(const std::vector<std::shared_ptr<const KeyFrameD
       if (HasKeyFrame(data->id)) continue;
       if (!data->features.HasAppearance()) return Error{"keyframe " + ToString(data->id) + " has no descriptors"};
       const std::string blob = Compress(EncodeKeyFrameData(*data));
-      if (Status inserted = Run(&insert->Bind(1, data->id.value).Bind(2, blob)); !inserted) return inserted;
+      if (Status inserted = insert->Bind(1, data->id.value).Bind(2, blob).Run(); !inserted) return inserted;
       saved.push_back(data->id);
     }
     return Ok{};
@@ -196,13 +139,13 @@ Status MapStore::SaveMap(const MapDelta& snapshot) {
   const Status done = InTransaction([&]() -> Status {
     Result<SqlStatement> clear = database_.Prepare("DELETE FROM change WHERE map = ?1");
     if (!clear) return clear.error();
-    if (Status cleared = Run(&clear->Bind(1, snapshot.map.value)); !cleared) return cleared;
+    if (Status cleared = clear->Bind(1, snapshot.map.value).Run(); !cleared) return cleared;
     Result<SqlStatement> insert = database_.Prepare("INSERT OR REPLACE INTO map VALUES (?1, ?2, ?3, ?4)");
     if (!insert) return insert.error();
     const std::string blob = Compress(EncodeSnapshot(snapshot));
     stored.sizes.state_bytes = blob.size();
     insert->Bind(1, snapshot.map.value).Bind(2, snapshot.epoch).Bind(3, snapshot.revision).Bind(4, blob);
-    if (Status inserted = Run(&*insert); !inserted) return inserted;
+    if (Status inserted = insert->Run(); !inserted) return inserted;
     return Remove(vanished);
   });
   if (!done) return At(done.error());
@@ -233,7 +176,7 @@ Status MapStore::SaveChanges(const std::vector<MapDelta>& changes) {
       for (const auto& state : change.keyframes)
         PORTOLAN_CHECK(HasKeyFrame(state.id)) << "keyframe " << state.id << " of map " << map << " is not stored";
       const std::string blob = Compress(EncodeChange(change));
-      if (Status inserted = Run(&insert->Bind(1, map.value).Bind(2, change.revision).Bind(3, blob)); !inserted)
+      if (Status inserted = insert->Bind(1, map.value).Bind(2, change.revision).Bind(3, blob).Run(); !inserted)
         return inserted;
       stored.revision = change.revision;
       stored.sizes.change_bytes += blob.size();
@@ -268,7 +211,7 @@ Status MapStore::Remove(const std::vector<KeyFrameId>& keyframes) {
   Result<SqlStatement> remove = database_.Prepare("DELETE FROM keyframe WHERE id = ?1");
   if (!remove) return remove.error();
   for (const KeyFrameId id : keyframes) {
-    if (Status removed = Run(&remove->Bind(1, id.value)); !removed) return removed;
+    if (Status removed = remove->Bind(1, id.value).Run(); !removed) return removed;
   }
   return Ok{};
 }
@@ -281,61 +224,28 @@ Status MapStore::SaveOwnership(const Atlas::Ownership& ownership) {
         .Bind(2, uint64_t{ownership.robot})
         .Bind(3, ownership.epoch)
         .Bind(4, ownership.owner.value);
-    return Run(&*insert);
+    return insert->Run();
   });
   if (!done) return At(done.error());
   return Ok{};
 }
 
 Status MapStore::SaveGraph(const Graph& graph) {
-  const Status done = InTransaction([&] { return ReplaceGraph(graph); });
+  const Status done = InTransaction([&] { return WriteGraph(graph, &database_); });
   if (!done) return At(done.error());
-  return Ok{};
-}
-
-Status MapStore::ReplaceGraph(const Graph& graph) {
-  for (const char* table : {"graph_map", "link", "fused", "activity"}) {
-    if (Status cleared = database_.Execute(std::string("DELETE FROM ") + table); !cleared) return cleared;
-  }
-  Result<SqlStatement> map = database_.Prepare("INSERT OR REPLACE INTO graph_map VALUES (?1)");
-  if (!map) return map.error();
-  for (const MapId id : graph.maps) {
-    if (Status inserted = Run(&map->Bind(1, id.value)); !inserted) return inserted;
-  }
-  Result<SqlStatement> link = database_.Prepare("INSERT OR REPLACE INTO link VALUES (?1, ?2, ?3)");
-  if (!link) return link.error();
-  for (const Link& entry : graph.links) {
-    const std::string blob = TransformBlob(entry, static_cast<uint8_t>(entry.origin));
-    link->Bind(1, entry.map.value).Bind(2, entry.other.value).Bind(3, std::string_view(blob));
-    if (Status inserted = Run(&*link); !inserted) return inserted;
-  }
-  Result<SqlStatement> fused = database_.Prepare("INSERT OR REPLACE INTO fused VALUES (?1, ?2, ?3)");
-  if (!fused) return fused.error();
-  for (const Fused& entry : graph.fused) {
-    const std::string blob = TransformBlob(entry, 0);
-    fused->Bind(1, entry.map.value).Bind(2, entry.other.value).Bind(3, std::string_view(blob));
-    if (Status inserted = Run(&*fused); !inserted) return inserted;
-  }
-  Result<SqlStatement> activity = database_.Prepare("INSERT OR REPLACE INTO activity VALUES (?1, ?2, ?3)");
-  if (!activity) return activity.error();
-  for (const Activity& entry : graph.activities) {
-    activity->Bind(1, entry.map.value).Bind(2, entry.other.value).Bind(3, entry.count);
-    if (Status inserted = Run(&*activity); !inserted) return inserted;
-  }
   return Ok{};
 }
 
 Status MapStore::DeleteMap(MapId id) {
   const std::vector<KeyFrameId> vanished = Vanished(id, {});
   const Status done = InTransaction([&]() -> Status {
-    for (const char* sql :
-         {"DELETE FROM map WHERE id = ?1", "DELETE FROM change WHERE map = ?1", "DELETE FROM ownership WHERE map = ?1",
-          "DELETE FROM graph_map WHERE id = ?1", "DELETE FROM link WHERE map = ?1 OR other = ?1",
-          "DELETE FROM fused WHERE map = ?1", "DELETE FROM activity WHERE map = ?1 OR other = ?1"}) {
+    for (const char* sql : {"DELETE FROM map WHERE id = ?1", "DELETE FROM change WHERE map = ?1",
+                            "DELETE FROM ownership WHERE map = ?1"}) {
       Result<SqlStatement> remove = database_.Prepare(sql);
       if (!remove) return remove.error();
-      if (Status removed = Run(&remove->Bind(1, id.value)); !removed) return removed;
+      if (Status removed = remove->Bind(1, id.value).Run(); !removed) return removed;
     }
+    if (Status removed = RemoveFromGraph(id, &database_); !removed) return removed;
     return Remove(vanished);
   });
   if (!done) return At(done.error());
@@ -364,21 +274,26 @@ Result<MapStore::Content> MapStore::Load() {
 Result<MapStore::Content> MapStore::LoadWithoutMaps() {
   Content content;
   if (Status loaded = LoadOwnerships(&content); !loaded) return At(loaded.error());
-  if (Status loaded = LoadGraph(&content); !loaded) return At(loaded.error());
+  std::vector<std::string> problems;
+  Result<Graph> graph = ReadGraph(&database_, &problems);
+  if (!graph) return At(graph.error());
+  content.graph = std::move(*graph);
+  for (const std::string& problem : problems) content.problems.push_back(At({problem}).message);
   return content;
 }
 
 Status MapStore::LoadOwnerships(Content* content) {
-  return ForEachRow("SELECT map, robot, epoch, owner FROM ownership ORDER BY map", [&](const SqlStatement& row) {
-    content->ownerships.push_back(
-        {MapId(row.Integer(0)), static_cast<RobotId>(row.Integer(1)), row.Integer(2), ProcessId(row.Integer(3))});
-  });
+  return database_.ForEachRow(
+      "SELECT map, robot, epoch, owner FROM ownership ORDER BY map", [&](const SqlStatement& row) {
+        content->ownerships.push_back(
+            {MapId(row.Integer(0)), static_cast<RobotId>(row.Integer(1)), row.Integer(2), ProcessId(row.Integer(3))});
+      });
 }
 
 Status MapStore::LoadEachMap(const std::function<void(StoredMap map)>& take, std::vector<std::string>* problems) {
   std::vector<MapId> ids;
-  const Status read =
-      ForEachRow("SELECT id FROM map ORDER BY id", [&](const SqlStatement& row) { ids.emplace_back(row.Integer(0)); });
+  const Status read = database_.ForEachRow("SELECT id FROM map ORDER BY id",
+                                           [&](const SqlStatement& row) { ids.emplace_back(row.Integer(0)); });
   if (!read) return At(read.error());
   for (const MapId id : ids) {
     Result<State> state = ReadState(id);
@@ -398,47 +313,6 @@ Status MapStore::LoadEachMap(const std::function<void(StoredMap map)>& take, std
     take(std::move(*map));
   }
   return Ok{};
-}
-
-Status MapStore::ForEachRow(const char* sql, const std::function<void(const SqlStatement& row)>& read) {
-  Result<SqlStatement> query = database_.Prepare(sql);
-  if (!query) return query.error();
-  for (;;) {
-    const Result<bool> row = query->Step();
-    if (!row) return row.error();
-    if (!*row) return Ok{};
-    read(*query);
-  }
-}
-
-Status MapStore::LoadGraph(Content* content) {
-  Graph& graph = content->graph;
-  const auto note_damage = [&](const std::string& what, MapId map, MapId other) {
-    const std::string name = "the " + what + " of map " + ToString(map) + " and map " + ToString(other);
-    content->problems.push_back(At({name + " is left out: damaged"}).message);
-  };
-  Status read = ForEachRow("SELECT id FROM graph_map ORDER BY id",
-                           [&](const SqlStatement& row) { graph.maps.emplace_back(row.Integer(0)); });
-  if (!read) return read;
-  read = ForEachRow("SELECT map, other, transform FROM link ORDER BY map, other", [&](const SqlStatement& row) {
-    Link link;
-    link.map = MapId(row.Integer(0));
-    link.other = MapId(row.Integer(1));
-    const std::optional<uint8_t> origin = ReadTransformBlob(row.Blob(2), &link);
-    if (!origin) return note_damage("link", link.map, link.other);
-    link.origin = static_cast<MapGraph::Origin>(*origin);
-    graph.links.push_back(link);
-  });
-  if (!read) return read;
-  read = ForEachRow("SELECT map, other, transform FROM fused ORDER BY other", [&](const SqlStatement& row) {
-    Fused fused{MapId(row.Integer(0)), MapId(row.Integer(1)), Sim3d()};
-    if (!ReadTransformBlob(row.Blob(2), &fused)) return note_damage("fusion", fused.map, fused.other);
-    graph.fused.push_back(fused);
-  });
-  if (!read) return read;
-  return ForEachRow("SELECT map, other, count FROM activity ORDER BY map, other", [&](const SqlStatement& row) {
-    graph.activities.push_back({MapId(row.Integer(0)), MapId(row.Integer(1)), row.Integer(2)});
-  });
 }
 
 Result<MapStore::StoredMap> MapStore::LoadMap(MapId id) {

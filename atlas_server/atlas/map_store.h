@@ -28,8 +28,7 @@ namespace portolan {
 ///                                           EncodeChange, zstd; what a map has is its state with its changes
 ///   ownership(map, robot, epoch, owner)     of every map ever granted and not deleted
 ///   graph_map(id), link(map, other, transform), fused(map, other, transform), activity(map, other, count)
-///                                           the map graph; transform: map_from_other (see TransformBlob in
-///                                           map_store.cc)
+///                                           the map graph; transform: map_from_other (graph_tables.h)
 /// Each blob has a hash over its content in it, which is verified when it is read; a blob that is damaged is left out
 /// and named; a map with a damaged change is as it was before that. Schema 1 had no map graph, schema 2 no changes; a
 /// file of them becomes one of schema 3, at once or not at all, when it is opened.
@@ -136,9 +135,6 @@ class MapStore {
   Result<StoredMap> AddKeyFrames(MapDelta snapshot);
   Result<KeyFrameData> ReadKeyFrame(KeyFrameId id);
   Status LoadOwnerships(Content* content);
-  Status LoadGraph(Content* content);
-  Status ReplaceGraph(const Graph& graph);
-  Status ForEachRow(const char* sql, const std::function<void(const SqlStatement& row)>& read);
   Error At(const Error& error) const { return Error{"atlas store '" + path_ + "': " + error.message}; }
 
   std::string path_;

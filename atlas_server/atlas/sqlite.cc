@@ -34,8 +34,11 @@ Result<bool> SqlStatement::Step() {
   return LastError(database_);
 }
 
-void SqlStatement::Reset() {
+Status SqlStatement::Run() {
+  const Result<bool> row = Step();
+  if (!row) return row.error();
   sqlite3_reset(statement_.get());
+  return Ok{};
 }
 
 std::string_view SqlStatement::Blob(int column) const {
@@ -72,6 +75,17 @@ Result<uint64_t> SqlDatabase::QueryInteger(const std::string& sql) {
   const Result<bool> row = query->Step();
   if (!row) return row.error();
   return *row ? query->Integer(0) : 0;
+}
+
+Status SqlDatabase::ForEachRow(const std::string& sql, const std::function<void(const SqlStatement& row)>& read) {
+  Result<SqlStatement> query = Prepare(sql);
+  if (!query) return query.error();
+  for (;;) {
+    const Result<bool> row = query->Step();
+    if (!row) return row.error();
+    if (!*row) return Ok{};
+    read(*query);
+  }
 }
 
 }  // namespace portolan

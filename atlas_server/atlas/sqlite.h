@@ -2,6 +2,7 @@
 
 #include <sqlite3.h>
 
+#include <functional>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -21,7 +22,8 @@ class SqlStatement {
   SqlStatement& Bind(int index, std::string_view bytes);
   /// @return whether there is a row.
   Result<bool> Step();
-  void Reset();
+  /// Steps once, for a statement that has no rows; ready to be bound and run again.
+  Status Run();
 
   uint64_t Integer(int column) const { return static_cast<uint64_t>(sqlite3_column_int64(statement_.get(), column)); }
   /// Until the next step.
@@ -42,6 +44,8 @@ class SqlDatabase {
   Result<SqlStatement> Prepare(const std::string& sql);
   /// The first value of a query's first row, as an integer; 0 if none.
   Result<uint64_t> QueryInteger(const std::string& sql);
+  /// Calls read(row) for each row of a query.
+  Status ForEachRow(const std::string& sql, const std::function<void(const SqlStatement& row)>& read);
 
  private:
   explicit SqlDatabase(sqlite3* handle) : handle_(handle, &sqlite3_close_v2) {}

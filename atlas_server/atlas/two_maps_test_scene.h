@@ -34,6 +34,16 @@ struct TwoMaps {
     return BuildMap(passes.second, options);
   }
   static Sim3d SecondFromFirst() { return Sim3d(0.6, ExpSO3({0.3, -0.6, 0.2}), {0.3, -1.2, 0.8}); }
+  /// The first map, with the second taken into it by a new owner.
+  Map Joined() const {
+    Map joined = first;
+    joined.SetEpoch(2);
+    const KeyFrameId last = joined.keyframes().rbegin()->first;
+    for (const auto& [id, keyframe] : second.keyframes())
+      joined.AddKeyFrame(keyframe.data, keyframe.camera_from_map, keyframe.parent.IsValid() ? keyframe.parent : last);
+    joined.TakeDelta();
+    return joined;
+  }
   KeyFrameId Second(size_t view) const { return passes.second.views[view].data->id; }
   OtherMap FirstAsOther() const { return OtherMap::Of(first, &words); }
 
