@@ -28,6 +28,11 @@ void Add(const MapReplica::Counters& counted, MapReplica::Counters* sum) {
   sum->overflow += counted.overflow;
 }
 
+/// Data of keyframes that are not in the map; all that are in it have theirs.
+size_t CountUnusedData(const MapReplica& replica) {
+  return replica.keyframe_data().size() - replica.map().keyframes().size();
+}
+
 }  // namespace
 
 MapReplica* ReplicaSet::Replica(MapId map) {
@@ -118,18 +123,25 @@ void ReplicaSet::AddKeyFrameData(MapId map, std::shared_ptr<const KeyFrameData> 
   MapReplica* replica = Replica(map);
   if (replica == nullptr) return;
   replica->AddKeyFrameData(std::move(data));
+  const size_t unused = CountUnusedData(*replica);
   const bool expects_snapshot =
       replica->waiting() > 0 || IsBehind(replica->map(), watches_[map]);  // with the data ahead of it
-  if (!expects_snapshot && replica->keyframe_data().size() > replica->map().keyframes().size() + kMaxUnusedData)
-    DropUnusedData(replica);
+  if (!expects_snapshot && unused > kMaxUnusedData) DropUnusedData(kMaxUnusedData, replica);
+  if (expects_snapshot && NumUnusedData() > kMaxExpectedData) DropUnusedData(unused - 1, replica);
 }
 
-void ReplicaSet::DropUnusedData(MapReplica* replica) {
+size_t ReplicaSet::NumUnusedData() const {
+  size_t unused = 0;
+  for (const auto& [id, replica] : replicas_) unused += CountUnusedData(replica);
+  return unused;
+}
+
+void ReplicaSet::DropUnusedData(size_t kept, MapReplica* replica) {
   std::vector<KeyFrameId> unused;  // ids of one session rise with age
   for (const auto& [id, data] : replica->keyframe_data()) {
     if (replica->map().FindKeyFrame(id) == nullptr) unused.push_back(id);
   }
-  for (size_t i = 0; i + kMaxUnusedData < unused.size(); ++i) replica->DropKeyFrameData(unused[i]);
+  for (size_t i = 0; i + kept < unused.size(); ++i) replica->DropKeyFrameData(unused[i]);
 }
 
 void ReplicaSet::AddDelta(MapDelta delta) {

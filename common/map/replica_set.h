@@ -69,6 +69,9 @@ class ReplicaSet {
   /// Data kept of each map that is in no delta yet, the newest; frames that were offered to begin a map and refused are
   /// in none ever.
   static constexpr size_t kMaxUnusedData = 32;
+  /// The same where a whole state is expected, whose data comes ahead of it, and of all maps together: more keyframes
+  /// than any one map has. Whoever announces what never comes fills no memory either.
+  static constexpr size_t kMaxExpectedData = 8192;
   /// A robot has one or two that begin.
   static constexpr size_t kMaxEmptyMaps = 64;
   static constexpr size_t kMaxMaps = 4096;
@@ -93,7 +96,9 @@ class ReplicaSet {
   MapReplica* Replica(MapId map);
   void ForgetLongestUnheardEmptyMap();
   std::shared_ptr<const KeyFrameData> FindKeyFrameData(KeyFrameId id) const;
-  void DropUnusedData(MapReplica* replica);
+  size_t NumUnusedData() const;
+  /// Forgets the oldest, but for `kept`.
+  static void DropUnusedData(size_t kept, MapReplica* replica);
   bool IsBehind(const Map& map, const Watch& watch) const;
 
   std::map<MapId, MapReplica> replicas_;

@@ -139,6 +139,30 @@ TEST_F(ReplicaSetTest, ForgetsDataThatNoDeltaUses) {
   for (const auto& [id, keyframe] : a_.keyframes()) EXPECT_EQ(data.count(id), 1u);
 }
 
+/// Someone announces maps that never come, and sends their keyframes without end.
+TEST_F(ReplicaSetTest, AnAnnouncementDoesNotLetDataFillMemory) {
+  FollowOneChange();
+  set_.ApplyPending();
+  set_.Announce(a_.id(), 1, 1000000);
+  set_.Announce(b_.id(), 1, 1000000);
+  Random random(4);
+  const auto any = RandomEdits::MakeData(KeyFrameId(0, 1, 1), &random);
+  const uint32_t sent = ReplicaSet::kMaxExpectedData;
+  for (uint32_t i = 0; i < sent; ++i) {
+    for (const MapId map : {a_.id(), b_.id()}) {
+      KeyFrameData data;  // nothing but a name: two times 8192 of them take little
+      data.id = KeyFrameId(0, 1, 1000 + i);
+      data.camera = any->camera;
+      set_.AddKeyFrameData(map, std::make_shared<const KeyFrameData>(std::move(data)));
+    }
+  }
+  const auto& of_a = set_.replicas().at(a_.id()).keyframe_data();
+  const auto& of_b = set_.replicas().at(b_.id()).keyframe_data();
+  EXPECT_EQ(of_a.size() + of_b.size(), ReplicaSet::kMaxExpectedData + a_.keyframes().size());
+  EXPECT_EQ(of_a.count(KeyFrameId(0, 1, 1000 + sent - 1)), 1u) << "the newest is kept";
+  for (const auto& [id, keyframe] : a_.keyframes()) EXPECT_EQ(of_a.count(id), 1u);
+}
+
 /// The owner of two maps takes one into the other: no data comes again.
 TEST_F(ReplicaSetTest, AMapFindsKeyFramesThatCameFromAnother) {
   a_ = Map(a_.id(), 1);
