@@ -10,6 +10,7 @@
 #include "transport/cyclonedds_sertype.h"
 #include "transport/cyclonedds_writer.h"
 #include "transport/raw_bus.h"
+#include "transport/vendor_log.h"
 
 namespace portolan {
 namespace {
@@ -32,6 +33,7 @@ class CycloneDdsBus final : public RawBus {
   }
 
   Status Join(const BusOptions& options, const BusSurroundings& surroundings) {
+    TakeCycloneDdsLog();
     const char* user_uri = std::getenv("CYCLONEDDS_URI");
     const Status joined = domain_.Join(
         options.domain, CycloneDdsConfig(options, surroundings.peers, user_uri == nullptr ? "" : user_uri));

@@ -1,6 +1,7 @@
 #include <fastrtps/xmlparser/XMLProfileManager.h>
 #include <fastdds/dds/domain/DomainParticipant.hpp>
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
+#include <fastdds/dds/log/Log.hpp>
 #include <fastdds/dds/publisher/Publisher.hpp>
 #include <fastdds/dds/subscriber/Subscriber.hpp>
 #include <fastdds/dds/topic/Topic.hpp>
@@ -12,6 +13,7 @@
 #include "transport/fastdds_sample.h"
 #include "transport/fastdds_writer.h"
 #include "transport/raw_bus.h"
+#include "transport/vendor_log.h"
 
 namespace portolan {
 namespace {
@@ -27,12 +29,15 @@ struct Group {
 class FastDdsBus final : public RawBus {
  public:
   ~FastDdsBus() override {
-    if (participant_ == nullptr) return;
-    participant_->delete_contained_entities();
-    dds::DomainParticipantFactory::get_instance()->delete_participant(participant_);
+    if (participant_ != nullptr) {
+      participant_->delete_contained_entities();
+      dds::DomainParticipantFactory::get_instance()->delete_participant(participant_);
+    }
+    dds::Log::Flush();  // it has a thread of its own, which the process's end would cut short
   }
 
   Status Join(const BusOptions& options, const BusSurroundings& surroundings) {
+    TakeFastDdsLog();
     // Two buses in one process (tests) talk through the wire like any others; a process has one otherwise.
     eprosima::fastrtps::LibrarySettingsAttributes settings;
     settings.intraprocess_delivery = eprosima::fastrtps::INTRAPROCESS_OFF;
@@ -41,11 +46,11 @@ class FastDdsBus final : public RawBus {
     participant_ = dds::DomainParticipantFactory::get_instance()->create_participant(
         static_cast<dds::DomainId_t>(options.domain), FastDdsParticipantQos(options, surroundings));
     if (participant_ == nullptr) {
-      return Error{"Fast DDS made no participant in domain " + std::to_string(options.domain) + " (its log says why)"};
+      return Error{"Fast DDS made no participant in domain " + std::to_string(options.domain) + " (the log says why)"};
     }
     return MakeGroup("", &everyone_) && MakeGroup(options.partition, &robot_)
                ? Status(Ok{})
-               : Status(Error{"Fast DDS made no publisher or subscriber (its log says why)"});
+               : Status(Error{"Fast DDS made no publisher or subscriber (the log says why)"});
   }
 
   Result<std::unique_ptr<RawWriter>> CreateWriter(const RawTopic& topic) override {
@@ -80,7 +85,7 @@ class FastDdsBus final : public RawBus {
     if (made != nullptr) return made;
     dds::TypeSupport(new FastDdsSampleType(topic.type, topic.keyed)).register_type(participant_);
     made = participant_->create_topic(topic.name, topic.type, dds::TOPIC_QOS_DEFAULT);
-    if (made == nullptr) return Error{"Fast DDS made no topic " + topic.name + " (its log says why)"};
+    if (made == nullptr) return Error{"Fast DDS made no topic " + topic.name + " (the log says why)"};
     return made;
   }
 

@@ -14,7 +14,7 @@ Result<std::unique_ptr<Reader>> FastDdsReader::Create(dds::Subscriber* subscribe
                                                       const TopicQos& qos, RawReaderEvents events) {
   std::unique_ptr<FastDdsReader> reader(new FastDdsReader(subscriber, qos.liveliness_lease_ms > 0, std::move(events)));
   reader->reader_ = subscriber->create_datareader(topic, FastDdsReaderQos(qos), nullptr, dds::StatusMask::none());
-  if (reader->reader_ == nullptr) return Error{"Fast DDS made no reader (its log says why)"};
+  if (reader->reader_ == nullptr) return Error{"Fast DDS made no reader (the log says why)"};
   dds::StatusCondition& condition = reader->reader_->get_statuscondition();
   condition.set_enabled_statuses(dds::StatusMask::data_available()
                                  << dds::StatusMask::liveliness_changed() << dds::StatusMask::sample_lost()

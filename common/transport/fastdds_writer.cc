@@ -13,7 +13,7 @@ Result<std::unique_ptr<RawWriter>> FastDdsWriter::Create(dds::Publisher* publish
   std::unique_ptr<FastDdsWriter> writer(new FastDdsWriter(publisher));
   writer->writer_ = publisher->create_datawriter(topic, FastDdsWriterQos(qos), writer.get(),
                                                  dds::StatusMask::offered_incompatible_qos());
-  if (writer->writer_ == nullptr) return Error{"Fast DDS made no writer (its log says why)"};
+  if (writer->writer_ == nullptr) return Error{"Fast DDS made no writer (the log says why)"};
   return std::unique_ptr<RawWriter>(std::move(writer));
 }
 
