@@ -6,10 +6,7 @@
 namespace portolan {
 
 Backfill::Backfill(const TrackerOptions& options, const PinholeCamera& camera)
-    : options_(options.map_tracking),
-      min_coarse_inliers_(options.keyframe.min_points),
-      min_inliers_(options.min_tracked_points),
-      rotation_estimator_(camera) {}
+    : options_(options.map_tracking), min_inliers_(options.min_tracked_points), rotation_estimator_(camera) {}
 
 void Backfill::Start(Frame first, std::vector<Frame> between) {
   last_ = std::move(first);
@@ -31,7 +28,7 @@ std::optional<Frame> Backfill::Next(const Map& map) {
   between_.pop_front();
   MapTracker tracker(options_);
   const auto reference = ReferenceLandmarks(map, *last_.data, last_.landmarks);
-  if (tracker.TrackCoarse(map, reference, PredictPose(frame), options_.wide_radius_px, &frame) < min_coarse_inliers_ ||
+  if (tracker.TrackCoarse(map, reference, PredictPose(frame), options_.wide_radius_px, &frame) < options_.min_points ||
       tracker.TrackFine(map, &frame) < min_inliers_) {
     return std::nullopt;
   }

@@ -27,7 +27,7 @@ class Backfill {
   Rigid3d PredictPose(const Frame& frame) const;
 
   MapTrackingOptions options_;
-  int min_coarse_inliers_, min_inliers_;
+  int min_inliers_;
   RotationEstimator rotation_estimator_;
   Frame last_;  // tracked
   std::deque<Frame> between_;

@@ -5,12 +5,12 @@
 namespace portolan {
 namespace {
 
-constexpr double kRememberedS = 2.0;  // after that a camera may be anywhere
+constexpr double kRememberedS = 4.0;  // after that a camera may be anywhere: carried off in the dark, or a film's cut
 constexpr double kSpeedOverS = 0.5;   // what its speed is measured over
-constexpr double kSpeedFactor = 3.0;  // it may have gone so much faster since
+constexpr double kSpeedFactor = 2.0;  // faster since; with 3 a wall 15 m off was in reach of 3.7 m gone (halls)
 // Of the depth of what it saw: it may have stood still, or its last poses been poor.
 constexpr double kSlack = 0.5;
-constexpr double kDepthsPerSecond = 1.0;  // faster nothing moves past a camera that is to map it
+constexpr double kDepthsPerSecond = 0.5;  // of the same depth: at a walk past a wall 2 m away
 
 /// Whether they are of one map and one tracker's time.
 bool IsWithin(const FrameRecord& record, const FrameRecord& latest, double seconds) {

@@ -26,6 +26,13 @@ double Median(std::vector<double> values) {
 
 }  // namespace
 
+double RequiredBaseline(const InitializerOptions& options, const PinholeCamera& camera) {
+  const double focal = std::max(camera.fx, camera.fy);
+  const double half_view = std::hypot(camera.width, camera.height) / 2 / focal;
+  return options.min_baseline_px *
+         std::min({1.0, focal / options.reference_focal_px, half_view / options.reference_half_view});
+}
+
 void Initializer::SetFirst(const Frame& frame) {
   first_.reset();
   frames_since_first_ = 0;
@@ -78,8 +85,7 @@ std::optional<Initializer::Pair> Initializer::Offer(const Frame& frame, const Ei
     pair.matches.emplace_back(match.first, match.second);
   }
   baseline_px_ = Median(std::move(motions_px));
-  const double focal = std::max(camera.fx, camera.fy);
-  if (baseline_px_ < options_.min_baseline_px * std::min(1.0, focal / options_.reference_focal_px)) return std::nullopt;
+  if (baseline_px_ < RequiredBaseline(options_, camera)) return std::nullopt;
   pair.first = *first_;
   pair.second = frame;
   pair.second_from_first = current_from_first_;

@@ -9,6 +9,9 @@
 
 namespace portolan {
 
+/// Image motion that a pair needs for this camera, in pixels: options.min_baseline_px, or less.
+double RequiredBaseline(const InitializerOptions& options, const PinholeCamera& camera);
+
 /// Chooses the two frames from which a new map is made (paper Sec. 4.1, first step): enough matches, and enough image
 /// motion once the rotation is compensated. The mapper makes the map of them, or refuses them: then further frames are
 /// offered against the same first one.

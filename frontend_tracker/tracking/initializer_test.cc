@@ -132,5 +132,14 @@ TEST(Initializer, BaselineShrinksWithAShortFocalLength) {
   FAIL() << "no pair";
 }
 
+TEST(Initializer, BaselineShrinksWithANarrowView) {
+  const InitializerOptions options;
+  EXPECT_EQ(RequiredBaseline(options, {500, 500, 319.5, 239.5, 640, 480}), 20);  // half the diagonal: 0.8
+  EXPECT_EQ(RequiredBaseline(options, {718, 718, 620, 188, 1241, 376}), 20);     // 0.9
+  EXPECT_NEAR(RequiredBaseline(options, {1000, 1000, 319.5, 239.5, 640, 480}), 20 * 0.4 / 0.6, 1e-12);
+  EXPECT_NEAR(RequiredBaseline(options, {250, 250, 79.5, 59.5, 160, 120}), 20 * 0.5,
+              1e-12);  // the focal length's, less
+}
+
 }  // namespace
 }  // namespace portolan

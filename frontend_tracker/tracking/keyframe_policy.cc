@@ -58,8 +58,8 @@ void KeyFramePolicy::StartMap(const Map& map) {
   if (depth > 0) first_distance_over_depth_ = distance / depth;
 }
 
-bool KeyFramePolicy::IsQualityGood(const Frame& frame) const {
-  if (frame.num_inliers < options_.min_points) return false;
+bool KeyFramePolicy::IsQualityGood(const Map& map, const Frame& frame) const {
+  if (frame.num_inliers < options_.MinPoints(map)) return false;
   return frame.Quality() > options_.min_quality || frame.num_inliers >= options_.sure_points;
 }
 
@@ -102,8 +102,8 @@ bool KeyFramePolicy::IsUrgent(const Map& map, const Frame& frame) const {
 }
 
 KeyFramePolicy::Decision KeyFramePolicy::Decide(const Map& map, const Frame& frame, bool mapper_idle) const {
-  const bool is_needed = mapper_idle && frame.num_inliers >= options_.min_points && IsUrgent(map, frame);
-  if (!IsQualityGood(frame) && !is_needed) return Decision::kNo;
+  const bool is_needed = mapper_idle && frame.num_inliers >= options_.MinPoints(map) && IsUrgent(map, frame);
+  if (!IsQualityGood(map, frame) && !is_needed) return Decision::kNo;
   if (SecondsBetween(last_keyframe_stamp_, frame.stamp) < options_.min_interval_s) return Decision::kNo;
   if (!IsFarEnough(map, frame) && !IsViewNew(map, frame)) return Decision::kNo;
   if (mapper_idle) return Decision::kInsert;

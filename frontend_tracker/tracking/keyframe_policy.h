@@ -24,14 +24,18 @@ class KeyFramePolicy {
     kInsert,
     kInterrupt,  ///< urgent, and only the busy mapper is in the way: tell it to stop optimising (paper Sec. 3.3)
   };
-  /// @param frame tracked (IsFound). Beyond the paper that is enough where it is urgent and the mapper idle, as in a
-  /// fast turn whose pictures are blurred: without new keyframes the camera would be lost.
+  /// @param frame tracked (IsFound). Beyond the paper that and options.MinPoints are enough where it is urgent and
+  /// the mapper idle, as in a fast turn whose pictures are blurred: without new keyframes the camera would be lost.
   Decision Decide(const Map& map, const Frame& frame, bool mapper_idle) const;
 
-  /// First condition: at least 10 points and s = n / m > 0.7.
-  bool IsQualityGood(const Frame& frame) const;
+  /// First condition: at least options.MinPoints (in the paper 10) and s = n / m > 0.7, or options.sure_points.
+  bool IsQualityGood(const Map& map, const Frame& frame) const;
   /// Second condition, Eq. (7): s_ci / d_c > s_01 / d_0.
   bool IsFarEnough(const Map& map, const Frame& frame) const { return IsFar(map, frame, options_.distance_factor); }
+  /// The same for a frame from before a map was made, between the two that it was made of.
+  bool FillsGap(const Map& map, const Frame& frame) const {
+    return IsQualityGood(map, frame) && IsFar(map, frame, options_.gap_distance_factor);
+  }
   /// Beyond the paper: the frame has lost sight of much of what its reference keyframe sees, as when the camera turns;
   /// in a known place, of most.
   bool IsViewNew(const Map& map, const Frame& frame) const;

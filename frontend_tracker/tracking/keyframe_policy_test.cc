@@ -49,6 +49,7 @@ class KeyFramePolicyTest : public ::testing::Test {
     KeyFramePolicyOptions options;
     options.distance_factor = 1;
     options.max_reference_overlap = 0.75;
+    options.young_keyframes = 0;  // the map here counts as grown
     return options;
   }
   KeyFramePolicy policy_{PaperOptions()};
@@ -74,28 +75,48 @@ TEST_F(KeyFramePolicyTest, AMapIsLeftWhereItsKeyFramesOrLandmarksEnd) {
   EXPECT_FALSE(policy.IsLeaving(map_, MakeFrame(0.6, 1.0)));
 }
 
-TEST_F(KeyFramePolicyTest, QualityNeedsTenPointsAndSevenTenths) {
+TEST_F(KeyFramePolicyTest, BetweenTheFirstTwoAFifthOfTheirDistanceIsEnough) {
+  EXPECT_TRUE(policy_.FillsGap(map_, MakeFrame(0.25, 1.0)));
+  EXPECT_TRUE(policy_.FillsGap(map_, MakeFrame(0.12, 1.0)));
+  EXPECT_FALSE(policy_.FillsGap(map_, MakeFrame(0.08, 1.0)));
+  Frame frame = MakeFrame(0.25, 1.0);
+  frame.num_inliers = 49;
+  EXPECT_FALSE(policy_.FillsGap(map_, frame)) << "quality is poor";
+}
+
+TEST_F(KeyFramePolicyTest, QualityNeedsFiftyPointsAndSevenTenths) {
   Frame frame = MakeFrame(1.5, 1.0);
-  frame.num_inliers = 9;
-  frame.num_candidates = 9;
-  EXPECT_FALSE(policy_.IsQualityGood(frame));
-  frame.num_inliers = frame.num_candidates = 10;
-  EXPECT_TRUE(policy_.IsQualityGood(frame));
-  frame.num_inliers = 35;
-  frame.num_candidates = 50;
-  EXPECT_FALSE(policy_.IsQualityGood(frame));  // s > 0.7, not equal
-  frame.num_inliers = 36;
-  EXPECT_TRUE(policy_.IsQualityGood(frame));
+  frame.num_inliers = frame.num_candidates = 49;
+  EXPECT_FALSE(policy_.IsQualityGood(map_, frame));
+  frame.num_inliers = frame.num_candidates = 50;
+  EXPECT_TRUE(policy_.IsQualityGood(map_, frame));
+  frame.num_inliers = 70;
+  frame.num_candidates = 100;
+  EXPECT_FALSE(policy_.IsQualityGood(map_, frame));  // s > 0.7, not equal
+  frame.num_inliers = 71;
+  EXPECT_TRUE(policy_.IsQualityGood(map_, frame));
   // Many points are good whatever their share: repeated texture must not starve the map.
   frame.num_inliers = 120;
   frame.num_candidates = 400;
-  EXPECT_TRUE(policy_.IsQualityGood(frame));
+  EXPECT_TRUE(policy_.IsQualityGood(map_, frame));
   frame.num_inliers = 119;
-  EXPECT_FALSE(policy_.IsQualityGood(frame));
+  EXPECT_FALSE(policy_.IsQualityGood(map_, frame));
   frame.num_inliers = 0;
   frame.num_candidates = 0;
-  EXPECT_FALSE(policy_.IsQualityGood(frame));
+  EXPECT_FALSE(policy_.IsQualityGood(map_, frame));
   EXPECT_EQ(policy_.Decide(map_, frame, true), Decision::kNo);
+}
+
+TEST_F(KeyFramePolicyTest, AYoungMapNeedsThePapersTenPoints) {
+  KeyFramePolicyOptions options = PaperOptions();
+  options.young_keyframes = 3;  // the map has two
+  Frame frame = MakeFrame(1.5, 1.0);
+  frame.num_inliers = frame.num_candidates = 9;
+  EXPECT_FALSE(KeyFramePolicy(options).IsQualityGood(map_, frame));
+  frame.num_inliers = frame.num_candidates = 10;
+  EXPECT_TRUE(KeyFramePolicy(options).IsQualityGood(map_, frame));
+  options.young_keyframes = 2;
+  EXPECT_FALSE(KeyFramePolicy(options).IsQualityGood(map_, frame));
 }
 
 TEST_F(KeyFramePolicyTest, DistanceIsMeasuredByDepthFromTheNearestKeyFrame) {
@@ -153,14 +174,18 @@ TEST_F(KeyFramePolicyTest, AKnownPlaceIsNotMappedAgainForWhatIsNotTrackedOfIt) {
 
 TEST_F(KeyFramePolicyTest, AnUrgentFrameNeedsLessQualityIfTheMapperIsIdle) {
   Frame blurred = MakeFrame(1.5, 1.0);  // far enough to be urgent
-  blurred.num_inliers = 30;
-  blurred.num_candidates = 55;
-  EXPECT_FALSE(policy_.IsQualityGood(blurred));
+  blurred.num_inliers = 60;
+  blurred.num_candidates = 110;
+  EXPECT_FALSE(policy_.IsQualityGood(map_, blurred));
   EXPECT_EQ(policy_.Decide(map_, blurred, true), Decision::kInsert);
   EXPECT_EQ(policy_.Decide(map_, blurred, false), Decision::kNo) << "no reason to stop what the mapper does";
+  Frame few = blurred;
+  few.num_inliers = few.num_candidates = 49;
+  EXPECT_EQ(policy_.Decide(map_, few, true), Decision::kNo)
+      << "their pose may be wrong, and the map would go on from it";
   Frame near = MakeFrame(0.0, 1.0);
-  near.num_inliers = 30;
-  near.num_candidates = 55;
+  near.num_inliers = 60;
+  near.num_candidates = 110;
   EXPECT_EQ(policy_.Decide(map_, near, true), Decision::kNo);
 }
 

@@ -71,8 +71,7 @@ bool MapLocalizer::LocalizeNear(const Map& map, const Rigid3d& predicted_camera_
   if (inliers < options.min_coarse_inliers) {
     inliers = tracker_.TrackCoarse(map, reference, predicted_camera_from_map, options.wide_radius_px, frame);
   }
-  if (inliers >= options_.keyframe.min_points && tracker_.TrackFine(map, frame) >= options_.relocalizer.min_inliers)
-    return true;
+  if (inliers >= options.min_points && tracker_.TrackFine(map, frame) >= options_.relocalizer.min_inliers) return true;
   const auto nearest = KeyFramesInView(map, frame->data->camera, predicted_camera_from_map, 1);
   return !frame->data->bow.empty() && !nearest.empty() &&
          relocalizer_.TrackKeyFrame(map, nearest.front(), options_.relocalizer.min_inliers, &tracker_, frame) &&

@@ -164,7 +164,7 @@ bool Tracker::TrackByMotion(const Map& map, Frame* frame) {
   Stopwatch stopwatch;
   const int inliers = map_tracker_.TrackCoarse(map, reference_, predictions, frame);
   stage_times_.Add("coarse", stopwatch.Milliseconds());
-  if (inliers < options_.keyframe.min_points) {
+  if (inliers < options_.map_tracking.min_points) {
     frame->camera_from_map = predictions.front();
     return false;
   }
@@ -218,7 +218,7 @@ void Tracker::OnTracked(Frame* frame, Output* output) {
   RefineLink();
   LookBack(*frame);
   last_frame_ = std::move(*frame);
-  BackfillOne();
+  BackfillOne(output);
 }
 
 void Tracker::OnFailed(Frame frame) {
@@ -253,6 +253,10 @@ void Tracker::ConsiderKeyFrame(Frame* frame, Output* output) {
   output->state.interrupt_mapper = decision == KeyFramePolicy::Decision::kInterrupt;
   const bool is_kept_for_later = decision == KeyFramePolicy::Decision::kInterrupt && is_mapper_silent_;
   if (decision != KeyFramePolicy::Decision::kInsert && !is_kept_for_later) return;
+  SendTracked(frame, output);
+}
+
+void Tracker::SendTracked(Frame* frame, Output* output) {
   const Stopwatch stopwatch;
   KeyFrameMessage message;
   message.map = active_map_;

@@ -134,6 +134,7 @@ class Tracker {
   void OnTracked(Frame* frame, Output* output);
   void OnFailed(Frame frame);
   void ConsiderKeyFrame(Frame* frame, Output* output);
+  void SendTracked(Frame* frame, Output* output);
   bool HasPose() const { return state_ == TrackingState::kTracking || state_ == TrackingState::kRelocalizing; }
 
   // Paper Sec. 3.4 and 4.1 (tracker_new_map.cc).
@@ -153,7 +154,8 @@ class Tracker {
   void RefineLink();
   std::optional<Overlap> OverlapWith(const Frame& frame, const Map& map, const Map& old_map) const;
   void GoOnFrom(Frame frame);
-  void BackfillOne();
+  void BackfillOne(Output* output);
+  std::optional<Frame> LocalizeBetween();
   void FinishBackfill();
   void AskForPlace(Frame* frame, Output* output);
 
@@ -219,6 +221,7 @@ class Tracker {
   PlaceQueries queries_;
   Backfill backfill_;
   MapId backfill_map_;
+  int backfill_waits_ = 0;  // frames since, for an idle mapper
   FrameHistory history_;
   StageTimes stage_times_;
 

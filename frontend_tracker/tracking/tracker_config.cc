@@ -30,11 +30,14 @@ void ReadTracker(ConfigReader* config, TrackerOptions* tracker) {
   config->Read("tracker.map_tracking.fine_radius_px", &map.fine_radius_px, {0.5, 100});
   config->Read("tracker.map_tracking.fine_wide_radius_px", &map.fine_wide_radius_px, {0.5, 100});
   config->Read("tracker.map_tracking.min_coarse_share", &map.min_coarse_share, {0, 1});
+  config->Read("tracker.map_tracking.min_points", &map.min_points, {4, 1000});
   config->Read("tracker.map_tracking.min_coarse_inliers", &map.min_coarse_inliers, {4, 1000});
   config->Read("tracker.map_tracking.max_distance", &map.max_distance, {0, 256});
   config->Read("tracker.map_tracking.max_local_keyframes", &map.max_local_keyframes, {2, 1000});
   KeyFramePolicyOptions& keyframe = tracker->keyframe;
   config->Read("tracker.keyframe.min_points", &keyframe.min_points, {4, 1000});
+  config->Read("tracker.keyframe.young_min_points", &keyframe.young_min_points, {4, 1000});
+  config->Read("tracker.keyframe.young_keyframes", &keyframe.young_keyframes, {0, 1000});
   config->Read("tracker.keyframe.min_quality", &keyframe.min_quality, {0, 0.99});
   config->Read("tracker.keyframe.sure_points", &keyframe.sure_points, {4, 20000});
   config->Read("tracker.keyframe.max_reference_overlap", &keyframe.max_reference_overlap, {0, 1});
@@ -45,6 +48,7 @@ void ReadTracker(ConfigReader* config, TrackerOptions* tracker) {
   config->Read("tracker.keyframe.urgent_distance_factor", &keyframe.urgent_distance_factor, {0.01, 100});
   config->Read("tracker.keyframe.min_interval_s", &keyframe.min_interval_s, {0, 60});
   config->Read("tracker.keyframe.distance_factor", &keyframe.distance_factor, {0.01, 100});
+  config->Read("tracker.keyframe.gap_distance_factor", &keyframe.gap_distance_factor, {0.01, 100});
   InitializerOptions& initializer = tracker->initializer;
   config->Read("tracker.initializer.min_features", &initializer.min_features, {8, 20000});
   config->Read("tracker.initializer.min_matches", &initializer.min_matches, {8, 20000});

@@ -11,6 +11,7 @@
 namespace portolan {
 namespace {
 
+constexpr int kBackfillPatience = 60;   // frames, two to four seconds
 constexpr int kOffersPerFrame = 6;      // each takes some milliseconds; there is no tracking to be paid for
 constexpr double kLeastBaseline = 0.5;  // of the initializer's, where the motion is known; after each refusal
 constexpr double kBaselineSteps = 0.5;  // so much more,
@@ -43,9 +44,7 @@ void Tracker::StartNewMap() {
 /// The youngest tracked frames over which the camera has moved enough. @param baseline_factor of what the initializer
 /// asks for.
 std::vector<Frame> Tracker::PastFrames(double baseline_factor) const {
-  const PinholeCamera& camera = camera_.pinhole;
-  const double focal_share = std::min(1.0, std::max(camera.fx, camera.fy) / options_.initializer.reference_focal_px);
-  return ring_.Overlapping(baseline_factor * options_.initializer.min_baseline_px * focal_share, kMinCommon);
+  return ring_.Overlapping(baseline_factor * RequiredBaseline(options_.initializer, camera_.pinhole), kMinCommon);
 }
 
 /// "The initialization of a new map begins with several past image frames that were explored in the last map" (paper
@@ -228,6 +227,7 @@ void Tracker::BeginTracking(uint64_t frame_now) {
   }
   backfill_.Start(std::move(frames.first), std::move(frames.between));
   backfill_map_ = active_map_;
+  backfill_waits_ = 0;
 
   // Up from the second keyframe, through the frames that came while the mapper worked.
   GoOnFrom(std::move(frames.second));
@@ -249,18 +249,33 @@ void Tracker::GoOnFrom(Frame frame) {
   last_frame_ = std::move(frame);
 }
 
-void Tracker::BackfillOne() {
-  if (backfill_.IsDone()) return;
+/// Of frames between the two that a map was made of, those that lie apart become keyframes as later ones do: with two
+/// views alone the first of them stays loose against the rest of the map. They wait a while for an idle mapper.
+void Tracker::BackfillOne(Output* output) {
+  const bool may_insert = !options_.localization_only && backfill_map_ == active_map_ && !IsFull(ActiveMap());
+  if (backfill_.IsDone() || (may_insert && !IsMapperIdle() && ++backfill_waits_ <= kBackfillPatience)) return;
+  std::optional<Frame> frame = LocalizeBetween();
+  if (!frame || !may_insert || !IsMapperIdle() || !keyframe_policy_.FillsGap(ActiveMap(), *frame)) return;
+  spdlog::debug("frame {}: {} of {} landmarks, between a map's first two: keyframe", frame->number, frame->num_inliers,
+                frame->num_candidates);
+  SendTracked(&*frame, output);
+}
+
+std::optional<Frame> Tracker::LocalizeBetween() {
   const Stopwatch stopwatch;
   const Map* map = maps_.Find(backfill_map_);
-  if (map == nullptr) return backfill_.Stop();
-  const std::optional<Frame> frame = backfill_.Next(*map);
+  if (map == nullptr) {
+    backfill_.Stop();
+    return std::nullopt;
+  }
+  std::optional<Frame> frame = backfill_.Next(*map);
   if (frame && !history_.Has(frame->number)) history_.Add(*map, *frame, false);
   stage_times_.Add("backfill", stopwatch.Milliseconds());
+  return frame;
 }
 
 void Tracker::FinishBackfill() {
-  while (!backfill_.IsDone()) BackfillOne();
+  while (!backfill_.IsDone()) LocalizeBetween();
 }
 
 void Tracker::FinishHistory() {

@@ -26,13 +26,19 @@ Status TrackerOptions::Check() const {
           map_tracking.max_distance, "0 to 256", &problem);
   Require(map_tracking.ratio > 0 && map_tracking.ratio <= 1, "tracker.map_tracking.ratio", map_tracking.ratio,
           "above 0, at most 1", &problem);
+  Require(map_tracking.min_points >= 4, "tracker.map_tracking.min_points", map_tracking.min_points, "at least 4",
+          &problem);
   Require(map_tracking.max_local_keyframes >= 2, "tracker.map_tracking.max_local_keyframes",
           map_tracking.max_local_keyframes, "at least 2", &problem);
   Require(keyframe.min_points >= 4, "tracker.keyframe.min_points", keyframe.min_points, "at least 4", &problem);
+  Require(keyframe.young_min_points >= 4, "tracker.keyframe.young_min_points", keyframe.young_min_points, "at least 4",
+          &problem);
   Require(keyframe.min_quality >= 0 && keyframe.min_quality < 1, "tracker.keyframe.min_quality", keyframe.min_quality,
           "0 to 1", &problem);
   Require(keyframe.distance_factor > 0, "tracker.keyframe.distance_factor", keyframe.distance_factor, "more than 0",
           &problem);
+  Require(keyframe.gap_distance_factor > 0, "tracker.keyframe.gap_distance_factor", keyframe.gap_distance_factor,
+          "more than 0", &problem);
   Require(initializer.min_matches >= 8, "tracker.initializer.min_matches", initializer.min_matches, "at least 8",
           &problem);
   Require(initializer.min_baseline_px > 0, "tracker.initializer.min_baseline_px", initializer.min_baseline_px,

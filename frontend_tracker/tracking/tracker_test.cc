@@ -5,7 +5,12 @@
 namespace portolan {
 namespace {
 
+using ::testing::AllOf;
+using ::testing::Each;
+using ::testing::Gt;
 using ::testing::IsEmpty;
+using ::testing::Lt;
+using ::testing::Not;
 using ::testing::SizeIs;
 
 /// The maps that were asked for.
@@ -55,6 +60,48 @@ TEST_F(TrackerTest, EveryFrameSinceTheMapsFirstIsInTheHistory) {
     EXPECT_LT((pose->TargetOriginInSource() - truth.TargetOriginInSource()).norm(), 0.02) << "frame " << number;
   }
   EXPECT_FALSE(records.at(1).online);  // between the two: known only afterwards
+}
+
+/// Of a map that gets no other keyframes.
+TrackerOptions MakeGapOptions() {
+  TrackerOptions options = MakeOptions();
+  options.initializer.min_baseline_px = 24;  // several frames lie between the two
+  options.keyframe.distance_factor = 100;
+  options.keyframe.max_reference_overlap = options.keyframe.known_place_overlap = 0;
+  return options;
+}
+
+TEST_F(TrackerTest, FramesBetweenAMapsFirstTwoBecomeKeyFrames) {
+  Restart(MakeGapOptions());
+  std::vector<uint64_t> pair, between;
+  for (int place = 0; place < 24; ++place) {
+    for (const KeyFrameMessage& message : Show(place).keyframes) {
+      (message.kind == KeyFrameKind::kTracked ? between : pair).push_back(message.data.frame);
+    }
+  }
+  ASSERT_THAT(pair, SizeIs(2));
+  ASSERT_THAT(between, Not(IsEmpty()));
+  EXPECT_THAT(between, Each(AllOf(Gt(pair[0]), Lt(pair[1]))));
+  tracker_->ApplyPending();
+  const Map& map = tracker_->replicas().at(tracker_->active_map()).map();
+  EXPECT_EQ(HashMap(map), HashMap(mapper_->map));
+  for (const uint64_t frame : between) {
+    const KeyFrameId anchor = tracker_->history().records().at(frame).anchor;
+    EXPECT_EQ(map.keyframe(anchor).data->frame, frame) << "it hangs on itself";
+  }
+}
+
+TEST_F(TrackerTest, FramesBetweenAMapsFirstTwoWaitForTheMapperAWhile) {
+  Restart(MakeGapOptions());
+  mapper_->busy = true;
+  int place = 0;
+  while (place < 24 && Show(place).state.state != TrackingState::kTracking) ++place;
+  ASSERT_LT(place, 24) << "no map was made";
+  EXPECT_FALSE(tracker_->history().Has(1));
+  const size_t sent = tracker_->num_keyframes_sent();
+  for (int i = 0; i < 100; ++i) Show(place);
+  EXPECT_TRUE(tracker_->history().Has(1));
+  EXPECT_EQ(tracker_->num_keyframes_sent(), sent);
 }
 
 TEST_F(TrackerTest, IsLostAfterMoreThanFiveFramesAndComesBackToItsMap) {
