@@ -42,7 +42,9 @@ if(PORTOLAN_MARCH)
 endif()
 # A program loads the libraries it uses, not all that those it links might: OpenCV's codecs alone bring a hundred.
 add_link_options(-Wl,--as-needed)
+set(PORTOLAN_SLOWNESS 1)  # of what runs, by which time limits of tests are multiplied
 if(PORTOLAN_SANITIZE)
+  set(PORTOLAN_SLOWNESS 5)
   # Instrumented code makes GCC warn of uninitialised values that are none (GCC's manual on -fsanitize).
   add_compile_options(-fsanitize=${PORTOLAN_SANITIZE} -fno-omit-frame-pointer -Wno-maybe-uninitialized)
   add_link_options(-fsanitize=${PORTOLAN_SANITIZE})
@@ -80,7 +82,14 @@ function(portolan_test name)
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 300)
   endif()
-  set_tests_properties(${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}")
+  set_tests_properties(${name} PROPERTIES LABELS "${ARG_LABELS}")
+  portolan_limit_test(${name} ${ARG_TIMEOUT})
+endfunction()
+
+# portolan_limit_test(NAME s): a CTest entry fails after so many seconds, or longer where a sanitizer slows it.
+function(portolan_limit_test name seconds)
+  math(EXPR limit "${seconds} * ${PORTOLAN_SLOWNESS}")
+  set_tests_properties(${name} PROPERTIES TIMEOUT ${limit})
 endfunction()
 
 # portolan_install_version(): lets the packages after it ask for a version, find_package(<project> 0.1).

@@ -40,7 +40,7 @@ void DeploymentTest::ExpectTool(const std::vector<std::string>& arguments, int c
 nlohmann::json DeploymentTest::ToolJson(const std::vector<std::string>& arguments) {
   const Ended ended = Tool(arguments);
   EXPECT_EQ(ended.code, 0) << ended.output;
-  nlohmann::json json = nlohmann::json::parse(ended.output, nullptr, false);
+  nlohmann::json json = nlohmann::json::parse(ended.standard_output, nullptr, false);
   EXPECT_FALSE(json.is_discarded()) << ended.output;
   return json;
 }

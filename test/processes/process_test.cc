@@ -76,7 +76,7 @@ std::unique_ptr<ChildProcess> ProcessTest::Start(const std::vector<std::string>&
 
 Ended ProcessTest::WaitForEnd(ChildProcess* process) const {
   const std::optional<int> code = process->Wait(kProcessDeadline);
-  return {code.value_or(-1), process->Output()};
+  return {code.value_or(-1), process->Output(), process->StandardOutput()};
 }
 
 Ended ProcessTest::RunToEnd(const std::vector<std::string>& command) {
@@ -110,6 +110,15 @@ std::string ProcessTest::Logs() const {
       logs += "--- " + entry.path().string() + "\n" + ReadWholeFile(entry.path());
   }
   return logs;
+}
+
+std::string RealTimeSpeed(double factor) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  factor /= 5;
+#endif
+  std::ostringstream text;
+  text << factor;
+  return text.str();
 }
 
 std::string ReadWholeFile(const std::string& path) {

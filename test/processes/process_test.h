@@ -18,10 +18,14 @@ namespace portolan {
 /// For failures alone: a passing test never waits it out, on a busy machine or under a sanitizer either.
 constexpr std::chrono::seconds kProcessDeadline(180);
 
+/// The value of --speed for a run in real time, slower under a sanitizer, with which a frame takes the tracker longer.
+std::string RealTimeSpeed(double factor);
+
 /// Exit code and output of a program that has ended.
 struct Ended {
-  int code = -1;  ///< -1: it did not end before the deadline
-  std::string output;
+  int code = -1;                ///< -1: it did not end before the deadline
+  std::string output;           ///< both standard output and standard error
+  std::string standard_output;  ///< a DDS vendor's own lines (Cyclone DDS: a participant without keys) are not in it
 };
 
 std::string ReadWholeFile(const std::string& path);

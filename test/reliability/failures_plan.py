@@ -53,12 +53,19 @@ def timeline(case):
 
 
 def read_witness(lines):
-    """What maps were told to hold by their owners, from portolan_run_witness: keyframes that came into one and did not go from it again."""
-    held = {}
+    """What maps were told to hold by their owners, from portolan_run_witness: keyframes that came into one and did not go from it again.
+
+    A whole state that someone fetched may come behind younger deltas: it is what the map was, not what it is.
+    """
+    held, youngest = {}, {}
     for line in lines:
         kind, *fields = line.split()
         if kind != "delta":
             raise ValueError(f"the witness wrote '{line.strip()}', expected a delta")
+        map_id, age = fields[0], (int(fields[1]), int(fields[3]))
+        if age < youngest.get(map_id, age):
+            continue
+        youngest[map_id] = age
         for change in fields[4:]:
             held[change[1:]] = change[0] == "+"
     return {keyframe for keyframe, is_held in held.items() if is_held}

@@ -67,6 +67,12 @@ class WitnessTest(unittest.TestCase):
         lines = ["delta 0.a.1 1 0 1 +0.a.1", "delta 0.a.1 1 1 2 -0.a.1", "delta 0.a.1 1 2 3 +0.a.1"]
         self.assertEqual(failures_plan.read_witness(lines), {"0.a.1"})
 
+    def test_a_whole_state_that_comes_late_says_nothing_of_now(self):
+        lines = ["delta 0.a.1 1 0 1 +0.a.1 +0.a.2", "delta 0.a.1 1 1 2 -0.a.1", "delta 0.a.1 1 0 1 +0.a.1 +0.a.2", "delta 0.a.1 1 2 3 +0.a.3"]
+        self.assertEqual(failures_plan.read_witness(lines), {"0.a.2", "0.a.3"})
+        self.assertEqual(failures_plan.read_witness([*lines, "delta 0.b.1 1 0 1 +0.b.1", "delta 0.a.1 2 0 1 +0.a.1"]),
+                         {"0.a.1", "0.a.2", "0.a.3", "0.b.1"})
+
     def test_anything_else_is_an_error(self):
         with self.assertRaisesRegex(ValueError, "warning"):
             failures_plan.read_witness(["warning: socket buffers"])
