@@ -53,6 +53,10 @@ void Atlas::Handle(const Request& request, double now_s) {
     if (open_orders_.insert(request.id).second) orders_.push_back(request);
     return;
   }
+  if (IsForwarded(request.kind)) {
+    if (open_orders_.insert(request.id).second) Forward(request, now_s);
+    return;
+  }
   if (std::optional<Reply> reply = TryAnswer(request, now_s)) return Send(request, std::move(*reply));
   Reply refusal;
   refusal.reason =
@@ -64,18 +68,12 @@ void Atlas::Handle(const Request& request, double now_s) {
 }
 
 std::optional<Reply> Atlas::TryAnswer(const Request& request, double now_s) {
-  static const std::map<std::string, CommandKind> kForwarded = {
-      {"start_map", CommandKind::kNewMap},   {"pause", CommandKind::kPause},
-      {"resume", CommandKind::kResume},      {"localize_only", CommandKind::kLocalizeOnly},
-      {"map_again", CommandKind::kMapAgain}, {"global_ba", CommandKind::kAdjustMap}};
   const std::string& kind = request.kind;
   if (kind == "new_map") return AnswerNewMap(request, now_s);
   if (kind == "enter_map") return AnswerEnterMap(request, now_s);
   if (kind == "refuse_map") return AnswerRefuseMap(request);
   if (kind == "link_maps") return AnswerLinkMaps(request);
   if (kind == "delete_map") return AnswerDeleteMap(request, now_s);
-  const auto forwarded = kForwarded.find(kind);
-  if (forwarded != kForwarded.end()) return Forward(request, forwarded->second, now_s);
   return std::nullopt;
 }
 
@@ -84,7 +82,19 @@ void Atlas::Answer(const Request& order, Reply reply) {
   Send(order, std::move(reply));
 }
 
+void Atlas::RefuseAtLast(const Request& order, const std::string& reason, double now_s) {
+  const double since_s = refused_since_s_.try_emplace(order.id, now_s).first->second;
+  if (now_s - since_s < kHearS) {
+    refused_orders_.push_back(order);
+    return;
+  }
+  Reply reply;
+  reply.reason = reason;
+  Answer(order, std::move(reply));
+}
+
 void Atlas::Send(const Request& request, Reply reply) {
+  refused_since_s_.erase(request.id);
   reply.id = request.id;
   reply.sender = self_;
   answers_[reply.id] = reply;
@@ -301,6 +311,13 @@ void Atlas::OnTick(double now_s) {
   NoteTime(now_s);
   if (Listening(now_s)) return;
   for (const Request& request : std::exchange(early_, {})) Handle(request, now_s);
+  for (const Request& order : std::exchange(refused_orders_, {})) {
+    if (IsForwarded(order.kind)) {
+      Forward(order, now_s);
+    } else {
+      orders_.push_back(order);
+    }
+  }
   AdoptMappers(now_s);
   Decide(now_s);
 }

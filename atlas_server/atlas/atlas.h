@@ -96,6 +96,8 @@ class Atlas {
   /// Requests that someone else answers, with Answer(): each comes once, however often it is repeated.
   std::vector<Request> TakeOrders() { return std::exchange(orders_, {}); }
   void Answer(const Request& order, Reply reply);
+  /// Refuses an order, unless what is heard within kHearS changes that: until then it comes again with each tick.
+  void RefuseAtLast(const Request& order, const std::string& reason, double now_s);
   /// Maps that were deleted on request.
   std::vector<MapId> TakeDeleted() { return std::exchange(just_deleted_, {}); }
 
@@ -169,6 +171,9 @@ class Atlas {
   /// A mapper repeats its registration each second until it is answered: one that keeps silent about it for so long has
   /// been registered before.
   static constexpr double kAdoptAfterS = 2.5;
+  /// What an order depends on may be under way for so long: a process that was just started and is discovered here
+  /// later than elsewhere, a status that tells what a process does now.
+  static constexpr double kHearS = 4.0;
   /// A tracker that is silent for so long is gone: its maps are not held for it.
   static constexpr double kGoneS = 5.0;
   /// A map that nobody wants is left to its mapper for a moment, which may have keyframes of it in its queue, ...
@@ -207,7 +212,9 @@ class Atlas {
   Reply AnswerRefuseMap(const Request& request);
   Reply AnswerLinkMaps(const Request& request);
   Reply AnswerDeleteMap(const Request& request, double now_s);
-  Reply Forward(const Request& request, CommandKind kind, double now_s);
+  /// Whether it is an order that a tracker or loop_closer is to carry out.
+  static bool IsForwarded(const std::string& kind);
+  void Forward(const Request& request, double now_s);
   Result<RobotId> AdjusterOf(MapId map, double now_s) const;
   std::optional<Reply> AnswerRegistration(const Registration& registration, double now_s);
   void DecideRegistrations(double now_s);
@@ -256,6 +263,8 @@ class Atlas {
   std::vector<Move> moves_;
   std::vector<Request> orders_;
   std::set<RequestId> open_orders_;
+  std::vector<Request> refused_orders_;          // that come again with the next tick
+  std::map<RequestId, double> refused_since_s_;  // of those
   std::vector<MapId> just_deleted_;
 };
 

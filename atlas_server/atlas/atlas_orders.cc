@@ -19,27 +19,37 @@ bool Tells(const ProcessStatus& status, const std::string& name, bool otherwise)
   return otherwise;
 }
 
+const std::map<std::string, CommandKind>& ForwardedKinds() {
+  static const std::map<std::string, CommandKind> kForwarded = {
+      {"start_map", CommandKind::kNewMap},   {"pause", CommandKind::kPause},
+      {"resume", CommandKind::kResume},      {"localize_only", CommandKind::kLocalizeOnly},
+      {"map_again", CommandKind::kMapAgain}, {"global_ba", CommandKind::kAdjustMap}};
+  return kForwarded;
+}
+
 }  // namespace
 
-Reply Atlas::Forward(const Request& request, CommandKind kind, double now_s) {
-  Reply reply;
-  Command command = MakeCommand(kind, MapId());
+bool Atlas::IsForwarded(const std::string& kind) {
+  return ForwardedKinds().count(kind) == 1;
+}
+
+void Atlas::Forward(const Request& request, double now_s) {
+  const CommandKind kind = ForwardedKinds().at(request.kind);
   const bool is_of_map = kind == CommandKind::kAdjustMap;
-  if (is_of_map) command.map = Resolve(request.map);
-  const Result<RobotId> robot = is_of_map ? AdjusterOf(command.map, now_s) : RobotOf(request, now_s);
+  const MapId map = is_of_map ? Resolve(request.map) : MapId();
+  const Result<RobotId> robot = is_of_map ? AdjusterOf(map, now_s) : RobotOf(request, now_s);
   const Status obeys = !robot ? Status(robot.error()) : is_of_map ? Status(Ok{}) : WouldObey(kind, *robot, now_s);
-  reply.ok = obeys.ok();
-  if (!obeys) {
-    reply.reason = obeys.error().message;
-    return reply;
-  }
+  if (!obeys) return RefuseAtLast(request, obeys.error().message, now_s);
+  Reply reply;
+  reply.ok = true;
+  Command command = MakeCommand(kind, map);
   if (is_of_map) {
-    reply.text = fmt::format("the loop_closer of robot {} adjusts map {}", *robot, ToString(command.map));
+    reply.text = fmt::format("the loop_closer of robot {} adjusts map {}", *robot, ToString(map));
   } else {
     command.robot = *robot;
   }
   commands_.push_back(command);
-  return reply;
+  Answer(request, std::move(reply));
 }
 
 /// The robot whose loop_closer can adjust the map: that of its owner.

@@ -77,6 +77,13 @@ class AtlasWorld : public ::testing::Test {
     EXPECT_EQ(replies_[id].size(), 1u);
     return replies_[id].empty() ? Reply() : replies_[id].back();
   }
+  /// Why an order is refused: not at once, since what changes that may be under way.
+  std::string ReasonAgainst(RequestId id) {
+    EXPECT_TRUE(replies_[id].empty());
+    Go(Atlas::kHearS + 0.5);
+    EXPECT_FALSE(ReplyTo(id).ok);
+    return ReplyTo(id).reason;
+  }
   std::vector<Command> Commands(CommandKind kind) const {
     std::vector<Command> of_kind;
     for (const Command& command : commands_) {

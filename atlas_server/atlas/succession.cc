@@ -66,7 +66,7 @@ std::string DescribeSwap(const std::string& role, RobotId robot, ProcessId from,
 
 void Succession::OnOrder(const Request& order, double now_s) {
   Result<Swap> swap = Begin(order, now_s);
-  if (!swap) return Refuse(order, swap.error().message);
+  if (!swap) return atlas_->RefuseAtLast(order, swap.error().message, now_s);
   spdlog::info("swap: {} {} is to leave its place to {}", swap->role, atlas_->Describe(swap->from),
                atlas_->Describe(swap->to));
   if (swap->role == Atlas::kMapperRole) atlas_->SetLeaving(swap->robot, true);

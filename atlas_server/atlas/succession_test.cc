@@ -31,6 +31,7 @@ class SuccessionTest : public ::testing::Test {
       now_ += 0.25;
       for (const auto& [process, status] : living_) atlas_.OnStatus(status, now_);
       atlas_.OnTick(now_);
+      HandOrdersOver();
       succession_.OnTick(now_);
     }
     Collect();
@@ -72,9 +73,12 @@ class SuccessionTest : public ::testing::Test {
   }
   RequestId Swap(const std::string& role) {
     const RequestId id = Report(kTool, "swap", MapId(), role);
-    for (const Request& order : atlas_.TakeOrders()) succession_.OnOrder(order, now_);
+    HandOrdersOver();
     Collect();
     return id;
+  }
+  void HandOrdersOver() {
+    for (const Request& order : atlas_.TakeOrders()) succession_.OnOrder(order, now_);
   }
   void Collect() {
     static_cast<void>(atlas_.TakeGrants());
@@ -89,6 +93,12 @@ class SuccessionTest : public ::testing::Test {
     const Reply reply = ReplyTo(id);
     EXPECT_FALSE(reply.ok);
     EXPECT_THAT(reply.reason, HasSubstr(reason));
+  }
+  /// Not at once, since what changes that may be under way.
+  void ExpectRefusedAtLast(RequestId id, const std::string& reason) {
+    EXPECT_THAT(replies_[id], IsEmpty());
+    Go(Atlas::kHearS + 0.5);
+    ExpectRefused(id, reason);
   }
   /// In words, in order.
   std::vector<std::string> Said() const {
@@ -167,20 +177,30 @@ TEST_F(SuccessionTest, AMapThatHasNotBegunPassesOnUnseen) {
   EXPECT_TRUE(ReplyTo(swap).ok);
 }
 
+/// It was started a moment ago, and is discovered here later than by whoever orders.
+TEST_F(SuccessionTest, AnOrderWaitsForTheStandby) {
+  const RequestId swap = Swap("backend_mapper");
+  Go(Atlas::kHearS - 1);
+  EXPECT_THAT(replies_[swap], IsEmpty());
+  StandBy(kMapperB, "backend_mapper");
+  Go(0.5);
+  EXPECT_EQ(Said(), std::vector<std::string>({drain_a_}));
+}
+
 TEST_F(SuccessionTest, RefusesWhatCannotBe) {
-  ExpectRefused(Swap("backend_mapper"), "no standby for the backend_mapper of robot 3");
-  ExpectRefused(Swap("frontend_tracker"), "expected backend_mapper, loop_closer or atlas_server");
-  ExpectRefused(Swap("atlas_server"), "no standby for the atlas_server");
+  ExpectRefusedAtLast(Swap("backend_mapper"), "no standby for the backend_mapper of robot 3");
+  ExpectRefusedAtLast(Swap("frontend_tracker"), "expected backend_mapper, loop_closer or atlas_server");
+  ExpectRefusedAtLast(Swap("atlas_server"), "no standby for the atlas_server");
   StandBy(kMapperB, "backend_mapper", 200);
-  ExpectRefused(Swap("backend_mapper"), "200 revisions behind");
+  ExpectRefusedAtLast(Swap("backend_mapper"), "200 revisions behind");
   Live(kMapperB, "backend_mapper", kStandbyState, kNextMap);
-  ExpectRefused(Swap("backend_mapper"), "follows map " + ToString(kNextMap));
+  ExpectRefusedAtLast(Swap("backend_mapper"), "follows map " + ToString(kNextMap));
   StandBy(kMapperB, "backend_mapper");
   atlas_.Hold(kMap, kMapperA, now_);
-  ExpectRefused(Swap("backend_mapper"), "is being fused");
+  ExpectRefusedAtLast(Swap("backend_mapper"), "is being fused");
   atlas_.Release(kMap);
   Swap("backend_mapper");
-  ExpectRefused(Swap("backend_mapper"), "under way");
+  ExpectRefusedAtLast(Swap("backend_mapper"), "under way");
   EXPECT_EQ(Said(), std::vector<std::string>({drain_a_}));
 }
 
@@ -341,7 +361,7 @@ TEST_F(AtlasSwapTest, ItStaysWhereItsMapsCannotBeStored) {
 TEST_F(AtlasSwapTest, AStandbyWithoutAllMapsIsRefusedOrGivenUp) {
   living_[kServerB].figures = {{"maps_missing", 2}};
   atlas_.OnStatus(living_[kServerB], now_);
-  ExpectRefused(Swap("atlas_server"), "lacks 2 maps");
+  ExpectRefusedAtLast(Swap("atlas_server"), "lacks 2 maps");
   living_[kServerB].figures = {};
   atlas_.OnStatus(living_[kServerB], now_);
   const RequestId swap = Swap("atlas_server");

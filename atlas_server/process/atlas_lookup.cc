@@ -129,7 +129,7 @@ void AtlasProcess::TakeOrders() {
       continue;
     }
     if (order.kind == "activate") {
-      if (const Status obeyed = Obey(order); !obeyed) atlas_.Answer(order, Refusal(obeyed.error()));
+      if (const Status obeyed = Obey(order); !obeyed) atlas_.RefuseAtLast(order, obeyed.error().message, Now());
       continue;
     }
     Search search{order, {}, "", Now()};
