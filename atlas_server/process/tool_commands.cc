@@ -18,6 +18,7 @@ namespace portolan {
 namespace {
 
 constexpr double kRatesS = 3.0;    // three statuses of each process, one a second
+constexpr double kMissedS = 6.0;   // a participant whose announcement was lost is heard of within two more (3 s apart)
 constexpr double kRefreshS = 1.0;  // of --watch
 constexpr double kSwapS = 30.0;    // longer than the atlas_server gives it
 constexpr double kJoinS = 90.0;    // the same, of what JoinOptions gives a switch or fusion
@@ -70,10 +71,11 @@ Status ShowStatus(ToolSession* session, const ToolArguments& arguments) {
     Print(arguments.json ? book.ToJson(now_s).dump(arguments.watch ? -1 : 2) + "\n" : book.Format(now_s));
   };
   // Nobody knows how many there are, and one may be discovered seconds after the others: until none was for so long.
+  // Where a role is missing, somebody may be on the way.
   size_t heard = 0;
   do {
     heard = book.size();
-  } while (session->Listen(kRatesS, [&] { return book.size() > heard; }));
+  } while (session->Listen(book.HasEveryRole() ? kRatesS : kMissedS, [&] { return book.size() > heard; }));
   show();
   while (arguments.watch) {
     session->Listen(kRefreshS, [] { return false; });

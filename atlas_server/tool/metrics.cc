@@ -70,8 +70,6 @@ constexpr Metric kMetrics[] = {
     {"lost", "lost_messages_total", "Messages that DDS reported lost or rejected."},
 };
 
-constexpr const char* kRoles[] = {"frontend_tracker", "backend_mapper", "loop_closer", "atlas_server"};
-
 /// A label's value: what the format takes for its own is escaped.
 std::string Quoted(const std::string& text) {
   std::string quoted = "\"";

@@ -13,9 +13,6 @@ namespace {
 
 constexpr double kMinIntervalS = 0.2;  // between two statuses: shorter ones make wild rates
 
-/// In the order of the paper's threads (Sec. 2).
-constexpr const char* kRoles[] = {"frontend_tracker", "backend_mapper", "loop_closer", "atlas_server"};
-
 /// Figures that are lengths of queues, or work that waits, and how the table calls them.
 constexpr std::pair<const char*, const char*> kQueues[] = {{"events_waiting", "events"},
                                                            {"keyframes_waiting", "keyframes"},
@@ -101,6 +98,10 @@ std::vector<StatusBook::Heard> StatusBook::Processes(double now_s) const {
   std::vector<Heard> processes;
   for (const Entry* entry : Sorted()) processes.push_back({entry->status, now_s - entry->heard_s});
   return processes;
+}
+
+bool StatusBook::HasEveryRole() const {
+  return std::all_of(kRoles.begin(), kRoles.end(), [&](const char* role) { return Find(role) != nullptr; });
 }
 
 const ProcessStatus* StatusBook::Find(const std::string& role) const {

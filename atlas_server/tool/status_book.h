@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -8,6 +9,10 @@
 #include "map/protocol.h"
 
 namespace portolan {
+
+/// Of a deployment's processes, in the order of the paper's threads (Sec. 2).
+inline constexpr std::array<const char*, 4> kRoles = {"frontend_tracker", "backend_mapper", "loop_closer",
+                                                      "atlas_server"};
 
 /// What the processes of a deployment tell of themselves, with rates from what they told before; the first status of a
 /// process may be an old one that DDS kept, so rates begin with its third. Time is given in seconds of any steady
@@ -18,6 +23,8 @@ class StatusBook {
 
   /// How many processes were heard of.
   size_t size() const { return entries_.size(); }
+  /// Whether a process of each of kRoles was heard of.
+  bool HasEveryRole() const;
   /// The process of this role heard of last; null if none.
   const ProcessStatus* Find(const std::string& role) const;
 

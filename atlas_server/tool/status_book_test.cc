@@ -91,6 +91,17 @@ TEST(StatusBookTest, JsonHasAllFigures) {
   EXPECT_EQ(entry["map"], "0.000001.1");
 }
 
+TEST(StatusBookTest, KnowsWhetherARoleIsMissing) {
+  StatusBook book;
+  uint32_t session = 0;
+  for (const char* role : {"atlas_server", "backend_mapper", "frontend_tracker", "frontend_tracker"}) {
+    book.Hear(MakeStatus(role, 0, ++session, 0, 0), 10);
+    EXPECT_FALSE(book.HasEveryRole()) << role;
+  }
+  book.Hear(MakeStatus("loop_closer", 0, ++session, 0, 0), 10);
+  EXPECT_TRUE(book.HasEveryRole());
+}
+
 TEST(StatusBookTest, FindsTheProcessOfARoleThatWasHeardLast) {
   StatusBook book;
   EXPECT_EQ(book.Find("atlas_server"), nullptr);

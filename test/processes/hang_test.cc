@@ -39,7 +39,7 @@ class HangTest : public DeploymentTest {
 };
 
 TEST_F(HangTest, AnotherMapperTakesOverAndTheHungOneFindsItsEpochStale) {
-  StartAndMap("0.3");
+  StartAndMap(RealTimeSpeed(0.3));
   const ProcessStatus first = *watch().heard().Of("backend_mapper");
   StopAndExpectNoticed("backend_mapper");
   ExpectTrackingGoesOn(3);
@@ -60,7 +60,7 @@ TEST_F(HangTest, AnotherMapperTakesOverAndTheHungOneFindsItsEpochStale) {
 }
 
 TEST_F(HangTest, AHungMapperThatNobodyReplacedGoesOnInItsEpoch) {
-  StartAndMap("0.3");
+  StartAndMap(RealTimeSpeed(0.3));
   const ProcessStatus first = *watch().heard().Of("backend_mapper");
   StopAndExpectNoticed("backend_mapper");
   ExpectTrackingGoesOn(3);
@@ -72,7 +72,7 @@ TEST_F(HangTest, AHungMapperThatNobodyReplacedGoesOnInItsEpoch) {
 }
 
 TEST_F(HangTest, AHungLoopCloserCatchesUp) {
-  StartAndMap("0.3");
+  StartAndMap(RealTimeSpeed(0.3));
   const double taken = watch().heard().Figure("backend_mapper", "keyframes_taken");
   StopAndExpectNoticed("loop_closer");
   ExpectTrackingGoesOn(3);
@@ -82,7 +82,7 @@ TEST_F(HangTest, AHungLoopCloserCatchesUp) {
 }
 
 TEST_F(HangTest, AHungAtlasServerCatchesUpAndLeavesTheMapToItsOwner) {
-  StartAndMap("0.3");
+  StartAndMap(RealTimeSpeed(0.3));
   const ProcessStatus mapper = *watch().heard().Of("backend_mapper");
   StopAndExpectNoticed("atlas_server");
   ExpectTrackingGoesOn(3);

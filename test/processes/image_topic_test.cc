@@ -32,7 +32,7 @@ TEST_P(ImageTopicTest, FrontendTracksWhatIsPlayed) {
                                    "--data",
                                    Sequence(),
                                    "--speed",
-                                   "0.5",
+                                   RealTimeSpeed(0.5),
                                    "--quiet",
                                    "--domain",
                                    std::to_string(domain_),

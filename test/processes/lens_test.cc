@@ -9,14 +9,14 @@ namespace portolan {
 namespace {
 
 constexpr RadialResidual kLens{PORTOLAN_TEST_LENS_K1, PORTOLAN_TEST_LENS_K2};
-/// Of what the lens bends: a young map on a nearly straight street tells it to a tenth.
+/// Of what the lens bends: a young map of a room tells it to a tenth.
 constexpr double kMaxLeftShare = 0.25;
 constexpr double kRimRadius = 0.6;  // on the plane z = 1: nearly all features are nearer to the middle
 
 class LensTest : public ProcessTest {};
 
 TEST_F(LensTest, WhatTheCalibrationLeftIsFoundAndTakenIn) {
-  const Ended run = RunToEnd(RunCommand({"--data", Sequence("bent_street"), "--speed", "lockstep"}));
+  const Ended run = RunToEnd(RunCommand({"--data", Sequence("bent_room"), "--speed", "lockstep"}));
   ASSERT_EQ(run.code, 0) << run.output << Logs();
   const nlohmann::json found = Report("summary")["lens_residual"];
   ASSERT_TRUE(found.is_array() && found.size() == 2) << found;
@@ -31,7 +31,7 @@ TEST_F(LensTest, WhatTheCalibrationLeftIsFoundAndTakenIn) {
 
 TEST_F(LensTest, LeftAsItIsWhereSwitchedOff) {
   const Ended run = RunToEnd(
-      RunCommand({"--data", Sequence("bent_street"), "--speed", "lockstep", "--set", "mapper.lens.enabled=false"}));
+      RunCommand({"--data", Sequence("bent_room"), "--speed", "lockstep", "--set", "mapper.lens.enabled=false"}));
   ASSERT_EQ(run.code, 0) << run.output << Logs();
   EXPECT_EQ(Report("summary")["lens_residual"], nlohmann::json({0, 0}));
 }

@@ -13,7 +13,7 @@ class RestartTest : public DeploymentTest {};
 class MapperRestartTest : public RestartTest, public ::testing::WithParamInterface<const char*> {};
 
 TEST_P(MapperRestartTest, NewMapperGoesOnWithTheMapInTheNextEpoch) {
-  StartAll({"--data", Sequence(), "--speed", "0.5", "--dds", GetParam()});
+  StartAll({"--data", Sequence(), "--speed", RealTimeSpeed(0.5), "--dds", GetParam()});
   WaitUntilMapping();
   const ProcessStatus first = *watch().heard().Of("backend_mapper");
   Kill("backend_mapper");
@@ -45,7 +45,7 @@ TEST_F(RestartTest, LockstepWaitsForTheNewMapper) {
 }
 
 TEST_F(RestartTest, NewLoopCloserCatchesUp) {
-  StartAll({"--data", Sequence(), "--speed", "0.5"});
+  StartAll({"--data", Sequence(), "--speed", RealTimeSpeed(0.5)});
   WaitUntilMapping();
   Kill("loop_closer");
   StartRole("loop_closer");
@@ -54,7 +54,7 @@ TEST_F(RestartTest, NewLoopCloserCatchesUp) {
 
 /// As a camera would: the clock goes on while nobody tracks. What the first one tracked is in the trajectory.
 TEST_F(RestartTest, ResumedFrontendGoesOnWhereTheClockIsAndKeepsWhatWasTracked) {
-  const std::vector<std::string> arguments = {"--data", Sequence(), "--speed", "0.3", "--resume"};
+  const std::vector<std::string> arguments = {"--data", Sequence(), "--speed", RealTimeSpeed(0.3), "--resume"};
   StartAll(arguments);
   WaitUntilMapping();
   const uint64_t killed_at = watch().heard().tracker->frame;
@@ -82,17 +82,17 @@ TEST_F(RestartTest, ResumedFrontendWithoutARunToGoOnWithBeginsOne) {
 
 /// The atlas_server finds its first frames in the map that the first one left.
 TEST_F(RestartTest, NewFrontendGoesOnInTheMapThatIsThere) {
-  StartAll({"--data", Sequence(), "--speed", "0.5"});
+  StartAll({"--data", Sequence(), "--speed", RealTimeSpeed(0.5)});
   WaitUntilMapping();
   Kill("frontend_tracker");
-  StartRole("frontend_tracker", {"--data", Sequence(), "--speed", "0.5"});
+  StartRole("frontend_tracker", {"--data", Sequence(), "--speed", RealTimeSpeed(0.5)});
   ExpectGoodEnd();
   EXPECT_EQ(Report("atlas_server")["maps"], 1);
   EXPECT_GE(Report("atlas_server")["overlaps"]["located"], 1);
 }
 
 TEST_F(RestartTest, NewAtlasServerTakesUpTheMapFromItsStoreAndFollowsIt) {
-  StartAll({"--data", Sequence(), "--speed", "0.5"});
+  StartAll({"--data", Sequence(), "--speed", RealTimeSpeed(0.5)});
   WaitUntilMapping();
   const ProcessStatus first = *watch().heard().Of("atlas_server");
   const ProcessStatus mapper = *watch().heard().Of("backend_mapper");

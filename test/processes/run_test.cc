@@ -68,15 +68,18 @@ TEST_F(RunTest, EveryProgramTellsWhatItWasBuiltFrom) {
   }
 }
 
-TEST_F(RunTest, SlowRealTimeDropsNothingAndCountsEveryFrameOnce) {
-  const Ended run = RunToEnd(RunCommand({"--data", Sequence(), "--speed", "0.5"}));
-  ExpectGoodRun(run);
+/// A busy machine, or a sanitizer, may make the tracker late: frames that passed meanwhile are counted as dropped.
+TEST_F(RunTest, SlowRealTimeCountsEveryFrameOnce) {
+  const Ended run = RunToEnd(RunCommand({"--data", Sequence(), "--speed", RealTimeSpeed(0.5)}));
+  ASSERT_EQ(run.code, 0) << run.output << Logs();
+  ExpectWholeOutput(Out());
   const nlohmann::json summary = Report("summary"), frontend = Report("frontend_tracker");
-  EXPECT_EQ(summary["dropped"], 0);
-  EXPECT_EQ(frontend["frame_ms"]["count"].get<uint64_t>() + frontend["dropped"].get<uint64_t>() +
-                frontend["unreadable"].get<uint64_t>(),
-            NumFrames());
+  const auto dropped = frontend["dropped"].get<uint64_t>(), seen = frontend["frame_ms"]["count"].get<uint64_t>();
+  EXPECT_EQ(summary["dropped"], dropped);
+  EXPECT_EQ(seen + dropped + frontend["unreadable"].get<uint64_t>(), NumFrames());
   EXPECT_EQ(summary["lost"].get<uint64_t>() + summary["tracked"].get<uint64_t>(), NumFrames());
+  EXPECT_GT(summary["tracked"], kMinTrackedShare * static_cast<double>(seen));
+  ExpectAccurate(Truth(), Out() + "/trajectory.txt", kMaxErrorShare);
 }
 
 }  // namespace

@@ -73,7 +73,7 @@ TEST_P(SecurityTest, ARunGoesAsEverAndAStrangerSeesAndChangesNothing) {
   const Ended names = Tool(true, {"maps", "--names"});
   EXPECT_EQ(names.code, kOk) << names.output;
   EXPECT_EQ(Tool(false, {"delete", "last", "--timeout", "2"}).code, kUnreachable);
-  EXPECT_EQ(Tool(true, {"maps", "--names"}).output, names.output);
+  EXPECT_EQ(Tool(true, {"maps", "--names"}).standard_output, names.standard_output);
   EXPECT_TRUE(stranger.heard().processes.empty());
   EXPECT_FALSE(stranger.heard().tracker);
   for (const char* role : {"loop_closer", "backend_mapper", "atlas_server"}) {

@@ -20,7 +20,9 @@ constexpr int kFailure = 1, kRefused = 4, kInterrupted = 130;  // docs/configura
 
 class TroubleTest : public ProcessTest {
  protected:
-  std::unique_ptr<ChildProcess> StartSlowRun() { return Start(RunCommand({"--data", Sequence(), "--speed", "0.5"})); }
+  std::unique_ptr<ChildProcess> StartSlowRun() {
+    return Start(RunCommand({"--data", Sequence(), "--speed", RealTimeSpeed(0.5)}));
+  }
   /// Until the mapper has a map and the tracker is well on its way in it.
   void WaitUntilMapping() {
     StatusWatch watch(DdsVendor::kFastDds, domain_);
