@@ -3,33 +3,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <functional>
-
 #include "messages/limits.h"
+#include "messages/malformed_messages.h"
 #include "messages/random_messages.h"
 
 namespace portolan {
 namespace {
-
-using testing::HasSubstr;
-
-template <class T>
-struct Malformed {
-  const char* reason;
-  std::function<void(T*)> spoil;
-};
-
-template <class T>
-void ExpectRefused(const T& good, const std::vector<Malformed<T>>& cases) {
-  ASSERT_TRUE(FromWire(good).ok()) << FromWire(good).error().message;
-  for (const Malformed<T>& malformed : cases) {
-    T spoilt = good;
-    malformed.spoil(&spoilt);
-    const auto result = FromWire(spoilt);
-    ASSERT_FALSE(result.ok()) << malformed.reason;
-    EXPECT_THAT(result.error().message, HasSubstr(malformed.reason));
-  }
-}
 
 TEST(CommandMessagesTest, CommandsOfAllKindsComeBack) {
   Random random(1);

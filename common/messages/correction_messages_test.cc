@@ -3,16 +3,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <functional>
 #include <limits>
 
 #include "messages/limits.h"
+#include "messages/malformed_messages.h"
 #include "messages/random_messages.h"
 
 namespace portolan {
 namespace {
-
-using testing::HasSubstr;
 
 TEST(CorrectionMessagesTest, ACorrectionComesBackToTheBit) {
   Random random(1);
@@ -47,11 +45,7 @@ TEST(CorrectionMessagesTest, ACorrectionComesBackToTheBit) {
 }
 
 TEST(CorrectionMessagesTest, RefusesWhatIsMalformedAndSaysWhy) {
-  struct Malformed {
-    const char* reason;
-    std::function<void(wire::MapCorrection*)> spoil;
-  };
-  const std::vector<Malformed> cases = {
+  const std::vector<Malformed<wire::MapCorrection>> cases = {
       {"process is none", [](wire::MapCorrection* w) { w->process(0); }},
       {"map is none", [](wire::MapCorrection* w) { w->map_id(0); }},
       {"epoch is 281474976710657", [](wire::MapCorrection* w) { w->epoch(kMaxEpoch + 1); }},
@@ -84,13 +78,7 @@ TEST(CorrectionMessagesTest, RefusesWhatIsMalformedAndSaysWhy) {
   };
   Random random(2);
   const wire::MapCorrection good = ToWire(RandomCorrection(&random));
-  for (const Malformed& malformed : cases) {
-    wire::MapCorrection spoilt = good;
-    malformed.spoil(&spoilt);
-    const Result<MapCorrection> result = FromWire(spoilt);
-    ASSERT_FALSE(result.ok()) << malformed.reason;
-    EXPECT_THAT(result.error().message, HasSubstr(malformed.reason));
-  }
+  ExpectRefused(good, cases);
 }
 
 }  // namespace

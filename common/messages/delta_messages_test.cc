@@ -3,10 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <functional>
 #include <limits>
 
 #include "messages/limits.h"
+#include "messages/malformed_messages.h"
 #include "messages/random_messages.h"
 
 namespace portolan {
@@ -96,11 +96,7 @@ TEST(DeltaMessagesTest, TheLargestChunkHasAKeyFrameForEachObservation) {
 
 TEST(DeltaMessagesTest, RefusesWhatIsMalformedAndSaysWhy) {
   constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-  struct Malformed {
-    const char* reason;
-    std::function<void(wire::MapDelta*)> spoil;
-  };
-  const std::vector<Malformed> cases = {
+  const std::vector<Malformed<wire::MapDelta>> cases = {
       {"map is none", [](wire::MapDelta* w) { w->map_id(0); }},
       {"epoch is 281474976710657", [](wire::MapDelta* w) { w->epoch(kMaxEpoch + 1); }},
       {"revision is 281474976710657", [](wire::MapDelta* w) { w->revision(kMaxRevision + 1); }},
@@ -139,14 +135,7 @@ TEST(DeltaMessagesTest, RefusesWhatIsMalformedAndSaysWhy) {
   };
   Random random(2);
   const wire::MapDelta good = ToWire(RandomDelta(10, &random));
-  ASSERT_TRUE(FromWire(good).ok());
-  for (const Malformed& malformed : cases) {
-    wire::MapDelta spoilt = good;
-    malformed.spoil(&spoilt);
-    const Result<MapDeltaChunk> result = FromWire(spoilt);
-    ASSERT_FALSE(result.ok()) << malformed.reason;
-    EXPECT_THAT(result.error().message, HasSubstr(malformed.reason));
-  }
+  ExpectRefused(good, cases);
 }
 
 TEST(SnapshotRequestMessagesTest, ComesBackOrIsRefused) {

@@ -3,10 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <functional>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "messages/malformed_messages.h"
 #include "messages/random_messages.h"
 
 namespace portolan {
@@ -88,11 +88,7 @@ TEST(ImageMessagesTest, CompressedImagesAreDecoded) {
 }
 
 TEST(ImageMessagesTest, RefusesMalformedImages) {
-  struct Malformed {
-    const char* reason;
-    std::function<void(WireImage*)> spoil;
-  };
-  const std::vector<Malformed> cases = {
+  const std::vector<Malformed<WireImage>> cases = {
       {"nanosec is 1000000000", [](WireImage* w) { w->header().stamp().nanosec(1000000000u); }},
       {"has no size", [](WireImage* w) { w->width(0); }},
       {"width is 4294967295", [](WireImage* w) { w->width(0xffffffffu); }},
@@ -104,13 +100,7 @@ TEST(ImageMessagesTest, RefusesMalformedImages) {
   };
   Random random(5);
   const WireImage good = ToWire(RandomImage(8, 8, &random));
-  for (const Malformed& malformed : cases) {
-    WireImage spoilt = good;
-    malformed.spoil(&spoilt);
-    const Result<Image> result = FromWire(spoilt);
-    ASSERT_FALSE(result.ok()) << malformed.reason;
-    EXPECT_THAT(result.error().message, HasSubstr(malformed.reason));
-  }
+  ExpectRefused(good, cases);
 }
 
 TEST(ImageMessagesTest, RefusesCompressedImagesOfOtherFormatsAndBrokenOnes) {

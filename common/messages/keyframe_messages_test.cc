@@ -3,16 +3,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <functional>
 #include <limits>
 
 #include "features/feature_quantization.h"
+#include "messages/malformed_messages.h"
 #include "messages/random_messages.h"
 
 namespace portolan {
 namespace {
-
-using testing::HasSubstr;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
@@ -70,13 +68,8 @@ TEST(KeyFrameMessagesTest, AFeatureCosts39Bytes) {
   EXPECT_EQ(with - without, 2000u * 39u);
 }
 
-struct Malformed {
-  const char* reason;
-  std::function<void(wire::KeyFrame*)> spoil;
-};
-
 TEST(KeyFrameMessagesTest, RefusesWhatIsMalformedAndSaysWhy) {
-  const std::vector<Malformed> cases = {
+  const std::vector<Malformed<wire::KeyFrame>> cases = {
       {"id is none", [](wire::KeyFrame* w) { w->id(0); }},
       {"kind is 5", [](wire::KeyFrame* w) { w->kind(5); }},
       {"map of a tracked keyframe is none", [](wire::KeyFrame* w) { w->map_id(0); }},
@@ -125,14 +118,7 @@ TEST(KeyFrameMessagesTest, RefusesWhatIsMalformedAndSaysWhy) {
   };
   Random random(4);
   const wire::KeyFrame good = ToWire(RandomKeyFrame(10, &random));
-  ASSERT_TRUE(FromWire(good).ok());
-  for (const Malformed& malformed : cases) {
-    wire::KeyFrame spoilt = good;
-    malformed.spoil(&spoilt);
-    const Result<KeyFrameMessage> result = FromWire(spoilt);
-    ASSERT_FALSE(result.ok()) << malformed.reason;
-    EXPECT_THAT(result.error().message, HasSubstr(malformed.reason));
-  }
+  ExpectRefused(good, cases);
 }
 
 }  // namespace

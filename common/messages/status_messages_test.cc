@@ -3,38 +3,19 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <functional>
 #include <limits>
 
 #include "messages/limits.h"
+#include "messages/malformed_messages.h"
 #include "messages/random_messages.h"
 
 namespace portolan {
 namespace {
 
 using testing::ElementsAre;
-using testing::HasSubstr;
 using testing::Pair;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-
-template <class T>
-struct Malformed {
-  const char* reason;
-  std::function<void(T*)> spoil;
-};
-
-template <class T>
-void ExpectRefused(const T& good, const std::vector<Malformed<T>>& cases) {
-  ASSERT_TRUE(FromWire(good).ok()) << FromWire(good).error().message;
-  for (const Malformed<T>& malformed : cases) {
-    T spoilt = good;
-    malformed.spoil(&spoilt);
-    const auto result = FromWire(spoilt);
-    ASSERT_FALSE(result.ok()) << malformed.reason;
-    EXPECT_THAT(result.error().message, HasSubstr(malformed.reason));
-  }
-}
 
 TEST(StatusMessagesTest, TrackerStatesComeBack) {
   Random random(1);
