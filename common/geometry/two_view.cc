@@ -20,6 +20,10 @@ namespace {
 constexpr double kChi2 = 3.84;  // 95 % of a chi-square with 1 degree of freedom: distance from the epipolar constraint
 // Standard deviations of parallax from which on a match says what lies behind a camera.
 constexpr double kSignificance = 3;
+/// Of a motion's median parallax, by which what is near turns the images otherwise than the camera: past a wall all is.
+constexpr double kTurnByParallax = 1.5;
+/// No farther off is what the images tell: a camera that has gone past so much has left what it saw.
+constexpr double kMostTurned = 50 * M_PI / 180;
 constexpr double kRefineShare = 0.5;  // motions with less of the best one's score are not worth refining
 /// Of the points that agree with the motion, the share that must have parallax: a rotating camera shows a few by
 /// chance, and where the few invent theirs the direction may come out reversed: 0.27 and 0.31 then on town_lap, where
@@ -148,10 +152,21 @@ double DirectionSigma(const CalibratedMatches& m, const Rigid3d& motion) {
   return std::sqrt(Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(covariance).eigenvalues().maxCoeff());
 }
 
+/// By how much a motion may turn otherwise than the images do, radians.
+double MostTurned(const CalibratedMatches& m, const Rigid3d& motion) {
+  std::vector<double> parallaxes;
+  for (size_t i = 0; i < m.size(); ++i) {
+    const Eigen::Vector3d first_ray = motion.rotation * m.first_xy[i].homogeneous();
+    const Eigen::Vector3d second_ray = m.second_xy[i].homogeneous();
+    parallaxes.push_back(std::atan2(first_ray.cross(second_ray).norm(), first_ray.dot(second_ray)));
+  }
+  const double at_least = m.options.max_rotation_difference_deg * M_PI / 180;
+  return std::clamp(kTurnByParallax * Quantile(std::move(parallaxes), 0.5), at_least, std::max(at_least, kMostTurned));
+}
+
 /// Refines the motions worth it, and returns those best first that turn about as the images do, where that is known.
 std::vector<Candidate> RankMotions(const CalibratedMatches& m, std::vector<Candidate> candidates,
                                    const std::optional<Eigen::Quaterniond>& second_from_first_by_images) {
-  const double most_turned = m.options.max_rotation_difference_deg * M_PI / 180;
   double most = 0;
   for (Candidate& candidate : candidates) {
     candidate.score = ScoreMotion(m, candidate.motion);
@@ -162,7 +177,7 @@ std::vector<Candidate> RankMotions(const CalibratedMatches& m, std::vector<Candi
     if (candidate.score == 0 || candidate.score < kRefineShare * most) continue;
     candidate.motion = RefineMotion(candidate.motion, m.first_xy, m.second_xy, std::sqrt(kChi2) * m.sigma_xy);
     if (second_from_first_by_images &&
-        candidate.motion.rotation.angularDistance(*second_from_first_by_images) > most_turned)
+        candidate.motion.rotation.angularDistance(*second_from_first_by_images) > MostTurned(m, candidate.motion))
       continue;
     candidate.score = ScoreMotion(m, candidate.motion);
     ranked.push_back(candidate);

@@ -282,6 +282,17 @@ TEST(ReconstructTwoViewsTest, AMotionThatTurnsOtherwiseThanTheImagesIsRefused) {
   EXPECT_FALSE(result.ok());
 }
 
+/// Sideways past a wall by half of its distance: all of the images moves as if the camera turned.
+TEST(ReconstructTwoViewsTest, TheImagesMayTurnOtherwiseByTheParallax) {
+  const Rigid3d past_wall(ExpSO3({0.02, 0.25, 0.01}), {-5, 0.3, 0.2});
+  const PixelMatches matches = Observe(Plane({0.1, 0.1, 1}, 9), past_wall, 600, 0.05, 31);
+  const auto by_images = (ExpSO3({0, -0.55, 0}) * past_wall.rotation).normalized();
+  const auto result = ReconstructTwoViews(matches, WideCamera(), WideCamera(), {}, by_images);
+  ASSERT_TRUE(result.ok()) << result.error().message;
+  EXPECT_LT(result->second_from_first.rotation.angularDistance(past_wall.rotation), 0.5 * kDegree);
+  EXPECT_LT(DirectionError(result->second_from_first.translation, past_wall.translation), 2 * kDegree);
+}
+
 TEST(ReconstructTwoViewsTest, ADirectionThatTheMatchesLeaveOpenIsRefused) {
   TwoViewOptions options;
   options.max_direction_sigma_deg = 0.3;
