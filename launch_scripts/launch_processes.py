@@ -14,7 +14,7 @@ ENDING = ((signal.SIGINT, 20.0), (signal.SIGTERM, 5.0), (signal.SIGKILL, None))
 LOG_LINES_SHOWN = 15
 # A process must not outlive a launcher that was killed.
 END_WITH_LAUNCHER = ("setpriv", "--pdeathsig", "TERM")
-EXIT_FAILURE = 1
+EXIT_FAILURE, EXIT_BAD_INPUT = 1, 2
 
 
 def say(message):
@@ -90,7 +90,8 @@ class Process:
 class Supervisor:
     """A run from its first process to its last. When the last frontend has ended, or a signal came and there is no frontend, the others are ended.
 
-    A back end that fails is reported at once, and the run goes on: the others are made to survive it.
+    A back end that fails is reported at once, and the run goes on: the others are made to survive it. But one that refuses what it was given (its part of the
+    configuration, its store) ends the run, which would be another than was asked for.
     """
 
     def __init__(self, commands, out, delays=None):
@@ -192,12 +193,17 @@ class Supervisor:
             if not interrupted:
                 say(f"{process.name} failed ({describe_code(process.code)}); its last words, from {process.output_path}:\n"
                     f"{process.last_lines()}")
+            if process.code == EXIT_BAD_INPUT and not expected:
+                say("ending the run")
+                self._end_all()
         elif not expected:
             say(f"{process.name} ended by itself; the run goes on")
         if process.role == FRONTEND and not self._has_frontends():  # another robot may go on in a map of this one's mapper
             self._end_all()
 
     def _exit_code(self):
-        """The first frontend's that is not 0, else the first failure's."""
+        """That of bad input, if any process found some; else the first frontend's that is not 0, else the first failure's."""
+        if any(code == EXIT_BAD_INPUT for _, code in self.failures):
+            return EXIT_BAD_INPUT
         of_frontends = [code for name, code in self.failures if name.rpartition("/")[2] == FRONTEND]
         return next((code for code in [*of_frontends, *(code for _, code in self.failures)]), 0)

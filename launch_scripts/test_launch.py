@@ -168,6 +168,15 @@ class FailureTest(RunTest):
         self.behaviour["atlas_server"]["code"] = 1
         self.assertEqual(self.run_to_end()[0], 1)
 
+    def test_back_end_that_refuses_what_it_was_given_ends_the_run(self):
+        for role in self.behaviour:
+            self.behaviour[role] = {"wait": "signal"}  # for ever, if it did not end
+        self.behaviour["loop_closer"] = {"code": 2, "say": "loop.no_such_key: unknown"}
+        code, errors = self.run_to_end()
+        self.assertEqual(code, 2)
+        self.assertIn("loop.no_such_key", errors)
+        self.assertIn("ending the run", errors)
+
     def test_program_that_cannot_start_is_a_failure(self):
         (self.bin / "portolan_loop_closer").write_text("#!/no/such/interpreter\n")
         self.behaviour["frontend_tracker"]["others"] = 2

@@ -102,6 +102,21 @@ TEST_F(BadInputTest, UnknownKeyIsNamedWithFileAndLine) {
   EXPECT_THAT(run.output, HasSubstr("run.yaml:3"));
 }
 
+/// What only one of the back ends reads, and refuses, ends the run: it would be another than was asked for.
+TEST_F(BadInputTest, WhatABackEndRefusesEndsTheRun) {
+  const std::string no_store = folder_.Write("no_store.db", "This is no atlas.\n");
+  for (const auto& [argument, value] :
+       std::vector<std::pair<std::string, std::string>>{{"--set", "mapper.no_such_key=1"},
+                                                        {"--set", "loop.no_such_key=1"},
+                                                        {"--set", "atlas.no_such_key=1"},
+                                                        {"--set", "loop.max_verified=-1"},
+                                                        {"--atlas", no_store}}) {
+    const Ended run = RunToEnd(RunCommand({"--data", Sequence(), argument, value}));
+    EXPECT_EQ(run.code, kBadInput) << value << run.output;
+    EXPECT_THAT(run.output, HasSubstr(value.substr(0, value.find('=')))) << value;
+  }
+}
+
 TEST_F(BadInputTest, EachProcessRefusesAVocabularyOfAnotherKindOrCutShort) {
   const std::string other = folder_.Write("other.pvoc", "This is no vocabulary.\n");
   const std::string cut = folder_.Path("cut.pvoc");
