@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "base/check.h"
 #include "dataset/calibration_fields.h"
 #include "dataset/text_table.h"
 
@@ -77,25 +78,40 @@ CameraModel ReadEuroc(CalibrationFields& fields) {
   return camera;
 }
 
-/// ROS camera_info as camera_calibration writes it. K is row-major 3x3.
-CameraModel ReadRos(CalibrationFields& fields) {
+/// What the two forms of ROS camera_info call the same.
+struct RosKeys {
+  std::string width, height, k, d;
+};
+
+/// ROS camera_info. K is row-major 3x3.
+CameraModel ReadRos(const RosKeys& keys, CalibrationFields& fields) {
   CameraModel camera;
-  camera.pinhole.width = fields.Pixels("image_width");
-  camera.pinhole.height = fields.Pixels("image_height");
-  const std::vector<double> k = fields.Numbers("camera_matrix.data", {9});
+  camera.pinhole.width = fields.Pixels(keys.width);
+  camera.pinhole.height = fields.Pixels(keys.height);
+  const std::vector<double> k = fields.Numbers(keys.k, {9});
   if (k[0] <= 0 || k[4] <= 0 || k[1] != 0 || k[3] != 0 || k[6] != 0 || k[7] != 0 || k[8] != 1) {
-    fields.AddMistake("camera_matrix.data", "[fx, 0, cx, 0, fy, cy, 0, 0, 1] with fx and fy above 0");
+    fields.AddMistake(keys.k, "[fx, 0, cx, 0, fy, cy, 0, 0, 1] with fx and fy above 0");
   }
   SetIntrinsics({k[0], k[4], k[2], k[5]}, &camera);
   const std::string model = fields.Text("distortion_model");
   if (model == "plumb_bob") {
-    SetRadialTangential(fields.Numbers("distortion_coefficients.data", {0, 4, 5}), &camera);
+    SetRadialTangential(fields.Numbers(keys.d, {0, 4, 5}), &camera);
   } else if (model == "equidistant" || model == "fisheye") {
-    SetKannalaBrandt(fields.Numbers("distortion_coefficients.data", {4}), &camera);
+    SetKannalaBrandt(fields.Numbers(keys.d, {4}), &camera);
   } else {
     fields.AddMistake("distortion_model", "plumb_bob or equidistant");
   }
   return camera;
+}
+
+/// As camera_calibration writes it.
+CameraModel ReadRosFile(CalibrationFields& fields) {
+  return ReadRos({"image_width", "image_height", "camera_matrix.data", "distortion_coefficients.data"}, fields);
+}
+
+/// The message sensor_msgs/CameraInfo as `ros2 topic echo` prints it.
+CameraModel ReadRosMessage(CalibrationFields& fields) {
+  return ReadRos({"width", "height", "k", "d"}, fields);
 }
 
 /// ORB-SLAM style: "Camera.fx" or, of a newer kind, "Camera1.fx". Older files have no image size: it stays 0.
@@ -125,28 +141,32 @@ CameraModel ReadOrbSlam(CalibrationFields& fields) {
   return camera;
 }
 
-/// KITTI calib.txt: the row "P0: fx 0 cx 0 0 fy cy 0 0 0 1 0", a 3x4 projection matrix.
-Result<CameraModel> ReadKitti(const std::string& path) {
+/// KITTI calib.txt: the row "P0: fx 0 cx 0 0 fy cy 0 0 0 1 0", a 3x4 projection matrix K [I | t]. The other cameras lie
+/// beside camera 0: K t, the fourth column, is not 0 in their rows, and not asked for here.
+Result<CameraModel> ReadKitti(const std::string& path, int kitti_camera) {
   const Result<std::vector<TextRow>> rows = ReadTextTable(path);
   if (!rows) return rows.error();
-  const TextRow* p0 = nullptr;
+  const std::string name = fmt::format("P{}", kitti_camera);
+  const TextRow* found = nullptr;
   for (const TextRow& row : *rows) {
-    if (row.fields[0] != "P0:") continue;
-    if (p0) return Error{fmt::format("{}:{}: P0 is given twice, first on line {}", path, row.line, p0->line)};
-    p0 = &row;
+    if (row.fields[0] != name + ":") continue;
+    if (found)
+      return Error{fmt::format("{}:{}: {} is given twice, first on line {}", path, row.line, name, found->line)};
+    found = &row;
   }
-  if (!p0) return Error{path + ": row 'P0:' is missing"};
-  const Error bad{fmt::format(
-      "{}:{}: P0: expected the 12 finite numbers fx 0 cx 0 0 fy cy 0 0 0 1 0 with fx and fy above 0, found '{}'", path,
-      p0->line, fmt::join(p0->fields.begin() + 1, p0->fields.end(), " "))};
-  if (p0->fields.size() != 13) return bad;
+  if (!found) return Error{fmt::format("{}: row '{}:' is missing", path, name)};
+  const Error bad{fmt::format("{}:{}: {}: expected the 12 finite numbers fx 0 cx {} with fx and fy above 0, found '{}'",
+                              path, found->line, name,
+                              kitti_camera == 0 ? "0 0 fy cy 0 0 0 1 0" : "a 0 fy cy b 0 0 1 c",
+                              fmt::join(found->fields.begin() + 1, found->fields.end(), " "))};
+  if (found->fields.size() != 13) return bad;
   std::array<double, 12> p{};
   for (size_t i = 0; i < p.size(); ++i) {
-    if (!ParseNumber(p0->fields[i + 1], &p[i])) return bad;
+    if (!ParseNumber(found->fields[i + 1], &p[i])) return bad;
   }
-  const bool is_projection =
-      p[1] == 0 && p[4] == 0 && p[8] == 0 && p[9] == 0 && p[10] == 1 && p[3] == 0 && p[7] == 0 && p[11] == 0;
-  if (!is_projection || p[0] <= 0 || p[5] <= 0) return bad;
+  const bool is_beside = p[3] != 0 || p[7] != 0 || p[11] != 0;
+  const bool is_projection = p[1] == 0 && p[4] == 0 && p[8] == 0 && p[9] == 0 && p[10] == 1;
+  if (!is_projection || (is_beside && kitti_camera == 0) || p[0] <= 0 || p[5] <= 0) return bad;
   CameraModel camera;
   SetIntrinsics({p[0], p[5], p[2], p[6]}, &camera);
   return camera;
@@ -154,10 +174,10 @@ Result<CameraModel> ReadKitti(const std::string& path) {
 
 /// A row "P0:" to "P3:" or "Tr:" tells KITTI's form.
 bool LooksLikeKitti(const std::string& text) {
+  constexpr std::array<const char*, 5> kRows{"P0:", "P1:", "P2:", "P3:", "Tr:"};
   std::istringstream lines(text);
   for (std::string line; std::getline(lines, line);) {
-    const std::string start = line.substr(0, 3);
-    if (start == "P0:" || start == "P1:" || start == "Tr:") return true;
+    if (std::find(kRows.begin(), kRows.end(), line.substr(0, 3)) != kRows.end()) return true;
   }
   return false;
 }
@@ -169,30 +189,38 @@ std::string WithoutOpenCvHeader(std::string text) {
   return text;
 }
 
+/// `ros2 topic echo` ends a message with "---", which would begin a second YAML document.
+std::string WithoutLastSeparator(std::string text) {
+  const size_t end = text.find_last_not_of(" \r\n");
+  if (end != std::string::npos && end >= 3 && text.compare(end - 3, 4, "\n---") == 0) text.resize(end - 2);
+  return text;
+}
+
 /// Empty if the keys are of no known form.
 std::optional<CameraModel> ReadKnownForm(CalibrationFields& fields) {
-  if (fields.Has("camera_matrix.data")) return ReadRos(fields);
+  if (fields.Has("camera_matrix.data")) return ReadRosFile(fields);
   if (fields.Has("camera_model") || fields.Has("intrinsics")) return ReadEuroc(fields);
   if (fields.Has("Camera.fx") || fields.Has("Camera1.fx") || fields.Has("Camera.type")) return ReadOrbSlam(fields);
   if (fields.Has("model") || fields.Has("fx")) return ReadOwn(fields);
+  if (fields.Has("k") || fields.Has("d")) return ReadRosMessage(fields);
   return std::nullopt;
 }
 
 }  // namespace
 
-Result<CameraModel> ReadCalibration(const std::string& path) {
+Result<CameraModel> ReadCalibration(const std::string& path, int kitti_camera) {
+  PORTOLAN_CHECK(kitti_camera >= 0 && kitti_camera <= 3) << "KITTI camera " << kitti_camera;
   const Result<std::string> text = ReadTextFile(path);
   if (!text) return text.error();
-  if (LooksLikeKitti(*text)) return ReadKitti(path);
-  const Result<std::vector<YamlEntry>> entries = ParseFlatYaml(WithoutOpenCvHeader(*text), path);
+  if (LooksLikeKitti(*text)) return ReadKitti(path, kitti_camera);
+  const Result<std::vector<YamlEntry>> entries = ParseFlatYaml(WithoutLastSeparator(WithoutOpenCvHeader(*text)), path);
   if (!entries) return entries.error();
   CalibrationFields fields(path, *entries);
   const std::optional<CameraModel> camera = ReadKnownForm(fields);
   if (!camera) {
     return Error{path +
                  ": not a camera calibration: expected the keys of Portolan (model, fx, ...), EuRoC (camera_model, "
-                 "intrinsics), ROS "
-                 "(camera_matrix), ORB-SLAM (Camera.fx) or KITTI (P0:)"};
+                 "intrinsics), ROS (camera_matrix; or k, d), ORB-SLAM (Camera.fx) or KITTI (P0:)"};
   }
   if (Status read = fields.Check(); !read) return read.error();
   if (camera->pinhole.width > 0) {

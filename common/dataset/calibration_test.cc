@@ -30,6 +30,15 @@ constexpr char kRos[] =
     "distortion_model: plumb_bob\ndistortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [-0.33, 0.11, 0.001, 0.002, "
     "0]\n"
     "projection_matrix: {rows: 3, cols: 4, data: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0]}\n";
+/// As `ros2 topic echo --once` prints the message.
+constexpr char kRosMessage[] =
+    "header:\n  stamp:\n    sec: 1700000000\n    nanosec: 5\n  frame_id: head\nheight: 480\nwidth: 640\n"
+    "distortion_model: plumb_bob\nd:\n- -0.33\n- 0.11\n- 0.001\n- 0.002\n- 0.04\n"
+    "k:\n- 430.2\n- 0.0\n- 306.7\n- 0.0\n- 430.5\n- 227.4\n- 0.0\n- 0.0\n- 1.0\n"
+    "r:\n- 1.0\n- 0.0\n- 0.0\n- 0.0\n- 1.0\n- 0.0\n- 0.0\n- 0.0\n- 1.0\n"
+    "p:\n- 400.0\n- 0.0\n- 300.0\n- 0.0\n- 0.0\n- 400.0\n- 220.0\n- 0.0\n- 0.0\n- 0.0\n- 1.0\n- 0.0\n"
+    "binning_x: 0\nbinning_y: 0\n"
+    "roi:\n  x_offset: 0\n  y_offset: 0\n  height: 0\n  width: 0\n  do_rectify: false\n---\n";
 constexpr char kOrbSlam2[] =
     "%YAML:1.0\n\n# Camera Parameters\nCamera.fx: 517.306408\nCamera.fy: 516.469215\nCamera.cx: 318.643040\nCamera.cy: "
     "255.313989\n\n"
@@ -44,7 +53,14 @@ constexpr char kOrbSlam3[] =
     "IMU.T_b_c1: !!opencv-matrix\n   rows: 4\n   cols: 4\n   dt: f\n   data: [1.0, 0.0]\n";
 constexpr char kKitti[] =
     "P0: 7.188560e+02 0.0 6.071928e+02 0.0 0.0 7.188560e+02 1.852157e+02 0.0 0.0 0.0 1.0 0.0\n"
-    "P1: 7.188560e+02 0.0 6.071928e+02 -3.861448e+02 0.0 7.188560e+02 1.852157e+02 0.0 0.0 0.0 1.0 0.0\n";
+    "P1: 7.188560e+02 0.0 6.071928e+02 -3.861448e+02 0.0 7.188560e+02 1.852157e+02 0.0 0.0 0.0 1.0 0.0\n"
+    "P2: 7.070912e+02 0.0 6.018873e+02 4.688783e+01 0.0 7.070912e+02 1.831104e+02 1.178601e-01 0.0 0.0 1.0 "
+    "6.203223e-03\n";
+
+/// Replaces the first `from` of a text.
+std::string Replaced(std::string text, const std::string& from, const std::string& to) {
+  return text.replace(text.find(from), from.size(), to);
+}
 
 class CalibrationTest : public testing::Test {
  protected:
@@ -106,6 +122,14 @@ TEST_F(CalibrationTest, ReadsEuroc) {
   EXPECT_EQ(camera->fps, 20);
 }
 
+TEST_F(CalibrationTest, ReadsEurocFisheye) {
+  const auto camera = Read(Replaced(kEuroc, "radial-tangential", "equidistant"));
+  ASSERT_TRUE(camera) << camera.error().message;
+  EXPECT_EQ(camera->distortion, Distortion::kKannalaBrandt4);
+  EXPECT_THAT(camera->coefficients, ElementsAre(-0.28, 0.07, 0.0002, 1.7e-05, 0));
+  EXPECT_EQ(camera->pinhole.fy, 457.296);
+}
+
 TEST_F(CalibrationTest, ReadsRosCameraInfo) {
   const auto camera = Read(kRos);
   ASSERT_TRUE(camera) << camera.error().message;
@@ -113,7 +137,55 @@ TEST_F(CalibrationTest, ReadsRosCameraInfo) {
   EXPECT_EQ(camera->pinhole.fy, 430.5);
   EXPECT_EQ(camera->pinhole.cx, 306.7);
   EXPECT_EQ(camera->pinhole.cy, 227.4);
+  EXPECT_EQ(camera->pinhole.width, 640);
+  EXPECT_EQ(camera->pinhole.height, 480);
   EXPECT_EQ(camera->distortion, Distortion::kRadialTangential);
+  EXPECT_THAT(camera->coefficients, ElementsAre(-0.33, 0.11, 0.001, 0.002, 0));
+}
+
+TEST_F(CalibrationTest, ReadsRosCameraInfoFisheye) {
+  for (const char* model : {"equidistant", "fisheye"}) {
+    const auto camera = Read(Replaced(Replaced(kRos, "plumb_bob", model), "0.002, 0]", "0.002]"));
+    ASSERT_TRUE(camera) << camera.error().message;
+    EXPECT_EQ(camera->distortion, Distortion::kKannalaBrandt4) << model;
+    EXPECT_THAT(camera->coefficients, ElementsAre(-0.33, 0.11, 0.001, 0.002, 0)) << model;
+    EXPECT_EQ(camera->pinhole.cx, 306.7) << model;
+  }
+}
+
+TEST_F(CalibrationTest, ReadsRosCameraInfoMessage) {
+  const std::string without_end = Replaced(kRosMessage, "---\n", "");
+  for (const std::string& text : {std::string(kRosMessage), without_end, "---\n" + without_end}) {
+    const auto camera = Read(text);
+    ASSERT_TRUE(camera) << camera.error().message;
+    EXPECT_EQ(camera->pinhole, (PinholeCamera{430.2, 430.5, 306.7, 227.4, 640, 480}));
+    EXPECT_EQ(camera->distortion, Distortion::kRadialTangential);
+    EXPECT_THAT(camera->coefficients, ElementsAre(-0.33, 0.11, 0.001, 0.002, 0.04));
+  }
+  const auto fisheye = Read(Replaced(Replaced(kRosMessage, "plumb_bob", "equidistant"), "- 0.04\n", ""));
+  ASSERT_TRUE(fisheye) << fisheye.error().message;
+  EXPECT_EQ(fisheye->distortion, Distortion::kKannalaBrandt4);
+  EXPECT_THAT(fisheye->coefficients, ElementsAre(-0.33, 0.11, 0.001, 0.002, 0));
+  const auto rectified = Read(Replaced(kRosMessage, "d:\n- -0.33\n- 0.11\n- 0.001\n- 0.002\n- 0.04\n", "d: []\n"));
+  ASSERT_TRUE(rectified) << rectified.error().message;
+  EXPECT_EQ(rectified->distortion, Distortion::kNone);
+}
+
+TEST_F(CalibrationTest, NamesWhatIsWrongInARosMessage) {
+  EXPECT_EQ(FailureOf(Replaced(kRosMessage, "- 430.2", "- 0.0")),
+            ":15: k: expected [fx, 0, cx, 0, fy, cy, 0, 0, 1] with fx and fy above 0, found '0.0, 0.0, 306.7, 0.0, "
+            "430.5, 227.4, 0.0, 0.0, 1.0'")
+      << "what a driver without a calibration publishes";
+  EXPECT_THAT(FailureOf(Replaced(kRosMessage, "- 430.2\n", "")), HasSubstr(":15: k: expected a list of 9 finite"));
+  EXPECT_THAT(FailureOf(Replaced(kRosMessage, "k:", "K:")), HasSubstr(": key 'k' is missing"));
+  EXPECT_THAT(FailureOf(Replaced(kRosMessage, "d:\n", "D:\n")), HasSubstr(": key 'd' is missing"));
+  EXPECT_THAT(FailureOf(Replaced(kRosMessage, "- 0.04\n", "- 0.04\n- 0.0\n")),
+              HasSubstr(":9: d: expected a list of 0 or 4 or 5 finite numbers"));
+  EXPECT_THAT(FailureOf(Replaced(kRosMessage, "plumb_bob", "rational_polynomial")),
+              HasSubstr(":8: distortion_model: expected plumb_bob or equidistant, found 'rational_polynomial'"));
+  EXPECT_THAT(FailureOf(Replaced(kRosMessage, "height: 480", "height: 0")),
+              HasSubstr(":6: height: expected a whole number of pixels"));
+  EXPECT_EQ(FailureOf(std::string(kRosMessage) + kRosMessage), ": expected one YAML document, found 2");
 }
 
 TEST_F(CalibrationTest, ReadsOrbSlamWithItsOpenCvHeader) {
@@ -131,6 +203,15 @@ TEST_F(CalibrationTest, ReadsNewerOrbSlamFisheye) {
   EXPECT_EQ(camera->distortion, Distortion::kKannalaBrandt4);
   EXPECT_EQ(camera->pinhole.width, 512);
   EXPECT_EQ(camera->pinhole.cx, 254.93);
+  EXPECT_THAT(camera->coefficients, ElementsAre(0.0034, 0.0007, -0.002, 0.0002, 0));
+}
+
+TEST_F(CalibrationTest, RectifiedOrbSlamImagesHaveNoDistortion) {
+  const auto camera = Read(Replaced(kOrbSlam3, "KannalaBrandt8", "Rectified"));
+  ASSERT_TRUE(camera) << camera.error().message;
+  EXPECT_EQ(camera->distortion, Distortion::kNone);
+  EXPECT_EQ(camera->pinhole, (PinholeCamera{190.97, 190.97, 254.93, 256.89, 512, 512}));
+  EXPECT_EQ(camera->fps, 20);
 }
 
 TEST_F(CalibrationTest, ReadsKittiWithoutASize) {
@@ -141,6 +222,20 @@ TEST_F(CalibrationTest, ReadsKittiWithoutASize) {
   EXPECT_EQ(camera->pinhole.cy, 185.2157);
   EXPECT_EQ(camera->pinhole.width, 0);
   EXPECT_EQ(camera->distortion, Distortion::kNone);
+}
+
+TEST_F(CalibrationTest, ReadsKittisOtherCameras) {
+  const std::string path = folder_.Write("calib.txt", kKitti);
+  const auto camera = ReadCalibration(path, 2);
+  ASSERT_TRUE(camera) << camera.error().message;
+  EXPECT_EQ(camera->pinhole, (PinholeCamera{707.0912, 707.0912, 601.8873, 183.1104, 0, 0}));
+  EXPECT_EQ(ReadCalibration(path, 1)->pinhole.fx, 718.856);
+  EXPECT_EQ(ReadCalibration(path, 3).error().message, path + ": row 'P3:' is missing");
+  folder_.Write("calib.txt", Replaced(kKitti, "6.203223e-03", "nan"));
+  EXPECT_THAT(ReadCalibration(path, 2).error().message,
+              HasSubstr(":3: P2: expected the 12 finite numbers fx 0 cx a 0 fy cy b 0 0 1 c with fx"));
+  folder_.Write("calib.txt", "P2: 7.07e+02 0 6e+02 4.6e+01 0 7.07e+02 1.8e+02 0.1 0 0 1 0.006\n");
+  EXPECT_EQ(ReadCalibration(path, 2)->pinhole.fx, 707) << "alone in its file";
 }
 
 TEST_F(CalibrationTest, NamesTheLineOfABadValue) {
@@ -161,11 +256,6 @@ TEST_F(CalibrationTest, NamesMissingUnknownAndRepeatedKeys) {
   EXPECT_EQ(FailureOf(OwnWith("fy", "")), ": key 'fy' is missing; expected a finite number above 0");
   EXPECT_EQ(FailureOf(OwnWith("height", "heigth: 480")), ":3: unknown key 'heigth'; did you mean 'height'?");
   EXPECT_EQ(FailureOf(OwnWith("fy", "fx: 585")), ":5: key 'fx' is given twice, first on line 4");
-}
-
-/// Replaces the first `from` of a text.
-std::string Replaced(std::string text, const std::string& from, const std::string& to) {
-  return text.replace(text.find(from), from.size(), to);
 }
 
 TEST_F(CalibrationTest, OtherFormsAreCheckedAsStrictly) {
@@ -189,7 +279,10 @@ TEST_F(CalibrationTest, OtherFormsAreCheckedAsStrictly) {
               HasSubstr(":1: P0: expected the 12 finite numbers"));
   EXPECT_THAT(FailureOf(Replaced(kKitti, "1.0 0.0\n", "1.0\n")), HasSubstr(":1: P0: expected the 12 finite numbers"));
   EXPECT_THAT(FailureOf(Replaced(kKitti, "P1", "P0")), HasSubstr(":2: P0 is given twice, first on line 1"));
-  EXPECT_THAT(FailureOf(Replaced(kKitti, "P0", "P2")), HasSubstr("row 'P0:' is missing"));
+  EXPECT_THAT(FailureOf(Replaced(kKitti, "P0", "P3")), HasSubstr("row 'P0:' is missing"));
+  EXPECT_THAT(FailureOf(Replaced(Replaced(kKitti, "P0", "P3"), "P1", "P0")),
+              HasSubstr(":2: P0: expected the 12 finite numbers fx 0 cx 0 0 fy cy 0 0 0 1 0 with fx"))
+      << "camera 0 has no camera to lie beside";
 }
 
 TEST_F(CalibrationTest, WhatIsNoCalibrationSaysWhatWasExpected) {

@@ -68,7 +68,11 @@ class CameraSource : public ImageSource {
 Result<std::unique_ptr<ImageSource>> OpenCameraSource(const SourceOptions& options, const CameraModel& camera) {
   const auto media = LoadMediaModule();
   if (!media) return media.error();
-  auto capture = (*media)->open_video(options.data, cv::CAP_V4L2);
+  return OpenCameraSource(options, camera, (*media)->open_video(options.data, cv::CAP_V4L2));
+}
+
+Result<std::unique_ptr<ImageSource>> OpenCameraSource(const SourceOptions& options, const CameraModel& camera,
+                                                      std::unique_ptr<VideoStream> capture) {
   if (!capture->IsOpened()) return Error{options.data + ": no camera that V4L2 can open"};
   if (camera.pinhole.width > 0) {
     capture->Set(cv::CAP_PROP_FRAME_WIDTH, camera.pinhole.width);

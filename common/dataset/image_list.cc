@@ -47,7 +47,7 @@ Error CountsDiffer(const std::string& times, size_t num_times, size_t num_images
 }
 
 Result<ImageList> ReadKittiList(const std::string& data) {
-  const std::string folder = data + "/image_0";
+  const std::string folder = fmt::format("{}/image_{}", data, FindKittiCamera(data).value_or(0));
   const std::vector<std::string> present = ListImageFiles(folder);
   if (present.empty()) return Error{folder + ": expected images 000000.png or .jpg, found none"};
   const std::string extension = fs::path(present[0]).extension().string();
@@ -118,6 +118,14 @@ Result<ImageList> ReadUnchecked(const std::string& data, DatasetLayout layout, d
 }
 
 }  // namespace
+
+std::optional<int> FindKittiCamera(const std::string& data) {
+  constexpr int kNumCameras = 4;
+  for (int camera = 0; camera < kNumCameras; ++camera) {
+    if (fs::is_directory(fmt::format("{}/image_{}", data, camera))) return camera;
+  }
+  return std::nullopt;
+}
 
 std::string FindEurocCamera(const std::string& data) {
   for (const char* below : {"/mav0/cam0", "/cam0", ""}) {

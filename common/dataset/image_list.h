@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,6 +15,10 @@ struct ListedImage {
   Timestamp stamp;
   std::string path;
 };
+
+/// The camera whose images a KITTI data set has: the first N of 0 to 3 with a folder image_N (grey left and right, then
+/// colour left and right); none if there is no such folder.
+std::optional<int> FindKittiCamera(const std::string& data);
 
 /// The folder of the list of a EuRoC data set: data/mav0/cam0, data/cam0 or data itself, whichever has data.csv; else
 /// empty.

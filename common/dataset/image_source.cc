@@ -38,14 +38,14 @@ Result<DatasetLayout> DetectLayout(const std::string& data) {
   std::error_code failure;
   if (fs::is_regular_file(data, failure)) return DatasetLayout::kVideo;
   if (!fs::is_directory(data, failure)) return Error{data + ": no such folder or file"};
-  if (fs::is_directory(data + "/image_0") && fs::exists(data + "/times.txt")) return DatasetLayout::kKitti;
+  if (FindKittiCamera(data) && fs::exists(data + "/times.txt")) return DatasetLayout::kKitti;
   if (fs::exists(data + "/rgb.txt")) return DatasetLayout::kTum;
   if (!FindEurocCamera(data).empty()) return DatasetLayout::kEuroc;
   if (fs::exists(data + "/times.txt") || !ListImageFiles(data).empty()) return DatasetLayout::kPlain;
   return Error{
       data +
-      ": no data set: looked for image_0/ with times.txt (KITTI), rgb.txt (TUM), mav0/cam0/data.csv, cam0/data.csv or "
-      "data.csv (EuRoC), times.txt or images (plain folder)"};
+      ": no data set: looked for image_0/ to image_3/ with times.txt (KITTI), rgb.txt (TUM), mav0/cam0/data.csv, "
+      "cam0/data.csv or data.csv (EuRoC), times.txt or images (plain folder)"};
 }
 
 Result<std::unique_ptr<ImageSource>> OpenImageSource(const SourceOptions& options) {
@@ -53,7 +53,8 @@ Result<std::unique_ptr<ImageSource>> OpenImageSource(const SourceOptions& option
   if (!layout) return layout.error();
   const Result<std::string> camera_file = FindCameraFile(options, *layout);
   if (!camera_file) return camera_file.error();
-  const Result<CameraModel> camera = ReadCalibration(*camera_file);
+  const int kitti_camera = *layout == DatasetLayout::kKitti ? FindKittiCamera(options.data).value_or(0) : 0;
+  const Result<CameraModel> camera = ReadCalibration(*camera_file, kitti_camera);
   if (!camera) return camera.error();
   if (*layout == DatasetLayout::kVideo) return OpenVideoSource(options, *camera);
   if (*layout == DatasetLayout::kDevice) return OpenCameraSource(options, *camera);

@@ -32,6 +32,8 @@ class ImageSource {
   virtual std::optional<Timestamp> PeekStamp() const { return std::nullopt; }
   /// Passes over the frame that Next() would return, without decoding it.
   virtual void Skip() = 0;
+  /// From any thread: nobody wants more. A Next() that waits for an image to come returns none.
+  virtual void Cancel() {}
   /// Number of frames if known.
   virtual std::optional<uint64_t> NumFrames() const { return std::nullopt; }
   virtual const CameraModel& camera() const = 0;
@@ -50,15 +52,16 @@ struct SourceOptions {
   uint64_t max_frames = 0;   ///< 0: all
 };
 
-/// Tells a layout by its files: KITTI image_0/ + times.txt, TUM rgb.txt, EuRoC mav0/cam0/data.csv (or cam0/), plain
-/// folder times.txt (or images alone), a regular file is a video, /dev/video* a device. Fails, saying what was looked
-/// for.
+/// Tells a layout by its files: KITTI image_0/ (or image_1/ to image_3/, the first that is there) + times.txt, TUM
+/// rgb.txt, EuRoC mav0/cam0/data.csv (or cam0/), plain folder times.txt (or images alone), a regular file is a video,
+/// /dev/video* a device. Fails, saying what was looked for.
 Result<DatasetLayout> DetectLayout(const std::string& data);
 
 /// Opens a source. Lists and stamps are read and checked here (rising times, files that exist), so that bad data ends
 /// the program before any work starts; so does a first readable image of another size than the calibration's. The
 /// calibration is `options.camera_file`, else camera.yaml, sensor.yaml or calib.txt in the data set's folder (EuRoC: in
-/// cam0; a video: in its folder); a device needs `options.camera_file`.
+/// cam0; a video: in its folder); a device needs `options.camera_file`. Of a calib.txt the row P0 counts, for images of
+/// KITTI's image_N/ the row PN.
 Result<std::unique_ptr<ImageSource>> OpenImageSource(const SourceOptions& options);
 
 }  // namespace portolan

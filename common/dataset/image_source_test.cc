@@ -15,6 +15,9 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 
 constexpr char kKittiCalibration[] = "P0: 30 0 16 0 0 30 12 0 0 0 1 0\n";
+constexpr char kEurocCalibration[] =
+    "camera_model: pinhole\nresolution: [32, 24]\nintrinsics: [30, 30, 16, 12]\ndistortion_model: radial-tangential\n"
+    "distortion_coefficients: [0, 0, 0, 0]\nrate_hz: 20\n";
 
 class ImageSourceTest : public testing::Test {
  protected:
@@ -96,6 +99,28 @@ TEST_F(ImageSourceTest, ReadsKittiAndTakesTheSizeFromTheFirstImage) {
   EXPECT_THAT(delivered.seconds, ElementsAre(0, 0.1037359));
 }
 
+TEST_F(ImageSourceTest, ReadsTheFirstOfKittisCamerasThatIsThere) {
+  std::string calibration;
+  for (int camera = 0; camera < 4; ++camera) {
+    calibration += "P" + std::to_string(camera) + ": " + std::to_string(30 + camera) + " 0 16 " +
+                   std::to_string(5 * camera) + " 0 30 12 0 0 0 1 0\n";
+    folder_.WriteImage("image_" + std::to_string(camera) + "/000000.png", 10 * (camera + 1));
+  }
+  folder_.Write("calib.txt", calibration);
+  folder_.Write("times.txt", "0\n");
+  for (int camera = 0; camera < 4; ++camera) {
+    EXPECT_EQ(*DetectLayout(folder_.path()), DatasetLayout::kKitti);
+    const auto source = Open();
+    ASSERT_TRUE(source) << source.error().message;
+    EXPECT_EQ((*source)->camera().pinhole.fx, 30 + camera) << "of row P" << camera;
+    EXPECT_THAT(ReadToEnd(source->get()).greys, ElementsAre(10 * (camera + 1)));
+    std::filesystem::remove_all(folder_.Path("image_" + std::to_string(camera)));
+  }
+  folder_.WriteImage("image_2/000000.png", 1);
+  folder_.Write("calib.txt", kKittiCalibration);
+  EXPECT_EQ(FailureOf(), folder_.Path("calib.txt") + ": row 'P2:' is missing");
+}
+
 TEST_F(ImageSourceTest, ReadsEurocFromItsTopOrItsCameraFolder) {
   folder_.WriteImage("mav0/cam0/data/1403636579763555584.png", 50);
   folder_.WriteImage("mav0/cam0/data/1403636579813555456.png", 60);
@@ -103,10 +128,7 @@ TEST_F(ImageSourceTest, ReadsEurocFromItsTopOrItsCameraFolder) {
                 "#timestamp "
                 "[ns],filename\r\n1403636579763555584,1403636579763555584.png\r\n1403636579813555456,"
                 "1403636579813555456.png\r\n");
-  folder_.Write(
-      "mav0/cam0/sensor.yaml",
-      "camera_model: pinhole\nresolution: [32, 24]\nintrinsics: [30, 30, 16, 12]\ndistortion_model: radial-tangential\n"
-      "distortion_coefficients: [0, 0, 0, 0]\nrate_hz: 20\n");
+  folder_.Write("mav0/cam0/sensor.yaml", kEurocCalibration);
   for (const char* below : {"", "/mav0", "/mav0/cam0"}) {
     SourceOptions options;
     options.data = folder_.path() + below;
@@ -194,12 +216,42 @@ TEST_F(ImageSourceTest, RefusesAListWhoseImagesAreAllMissingOrUnreadable) {
   EXPECT_THAT(FailureOf(), HasSubstr("lists no image"));
 }
 
-TEST_F(ImageSourceTest, TimesMustRise) {
+TEST_F(ImageSourceTest, TumTimesMustRise) {
   WriteTum(3);
   folder_.Write("rgb.txt", "# list\n1.0 rgb/0.png\n3.0 rgb/1.png\n2.0 rgb/2.png\n");
   EXPECT_EQ(FailureOf(), folder_.Path("rgb.txt") + ":4: times must rise, but 2.000000000 s follows 3.000000000 s");
   folder_.Write("rgb.txt", "1.0 rgb/0.png\n1.0 rgb/1.png\n");
   EXPECT_THAT(FailureOf(), HasSubstr("rgb.txt:2: times must rise"));
+}
+
+TEST_F(ImageSourceTest, KittiTimesMustRise) {
+  for (const char* name : {"image_0/000000.png", "image_0/000001.png", "image_0/000002.png"})
+    folder_.WriteImage(name, 1);
+  folder_.Write("calib.txt", kKittiCalibration);
+  folder_.Write("times.txt", "0\n1.037359e-01\n1.0e-01\n");
+  EXPECT_EQ(FailureOf(), folder_.Path("times.txt") + ":3: times must rise, but 0.100000000 s follows 0.103735900 s");
+  folder_.Write("times.txt", "0\n0\n1\n");
+  EXPECT_THAT(FailureOf(), HasSubstr("times.txt:2: times must rise"));
+}
+
+TEST_F(ImageSourceTest, EurocTimesMustRise) {
+  folder_.WriteImage("mav0/cam0/data/a.png", 1);
+  folder_.Write("mav0/cam0/sensor.yaml", kEurocCalibration);
+  const std::string list = folder_.Write("mav0/cam0/data.csv",
+                                         "#timestamp [ns],filename\n1403636579763555584,a.png\n"
+                                         "1403636579763555583,a.png\n");
+  EXPECT_EQ(FailureOf(), list + ":3: times must rise, but 1403636579.763555583 s follows 1403636579.763555584 s");
+  folder_.Write("mav0/cam0/data.csv", "5,a.png\n5,a.png\n");
+  EXPECT_THAT(FailureOf(), HasSubstr("data.csv:2: times must rise"));
+}
+
+TEST_F(ImageSourceTest, PlainTimesMustRiseInEveryForm) {
+  folder_.Write("camera.yaml", kSmallCamera);
+  for (const char* name : {"a.png", "b.png"}) folder_.WriteImage(name, 1);
+  for (const char* times : {"2\n1\n", "a.png 2\nb.png 1\n", "2 a.png\n1 b.png\n"}) {
+    folder_.Write("times.txt", times);
+    EXPECT_EQ(FailureOf(), folder_.Path("times.txt") + ":2: times must rise, but 1.000000000 s follows 2.000000000 s");
+  }
 }
 
 TEST_F(ImageSourceTest, NamesTheLineThatDoesNotParse) {
@@ -250,7 +302,7 @@ TEST_F(ImageSourceTest, TheCameraMustBeFoundAndFit) {
 
 TEST_F(ImageSourceTest, WhatIsNoDataSetSaysWhatWasLookedFor) {
   EXPECT_THAT(DetectLayout(folder_.path()).error().message,
-              HasSubstr("looked for image_0/ with times.txt (KITTI), rgb.txt (TUM)"));
+              HasSubstr("looked for image_0/ to image_3/ with times.txt (KITTI), rgb.txt (TUM)"));
   EXPECT_EQ(DetectLayout("/nowhere").error().message, "/nowhere: no such folder or file");
   EXPECT_EQ(*DetectLayout("/dev/video7"), DatasetLayout::kDevice);
   SourceOptions options;

@@ -41,6 +41,7 @@ void Player::Stop() {
     std::lock_guard<std::mutex> lock(mutex_);
     stopped_ = true;
   }
+  source_->Cancel();
   changed_.notify_all();
 }
 

@@ -99,7 +99,7 @@ class Player {
   bool Deliver(Image image);
   bool WaitUntilDue(Timestamp stamp, Lock& lock);
 
-  const std::unique_ptr<ImageSource> source_;  ///< used by the thread only
+  const std::unique_ptr<ImageSource> source_;  ///< used by the thread only, but for Cancel()
   const PlaybackOptions options_;
   const CameraModel camera_;
   const bool live_;

@@ -71,6 +71,9 @@ class FakeSource : public ImageSource {
     return options_.peeks && next_ < options_.num_frames ? std::optional<Timestamp>(StampOf(next_)) : std::nullopt;
   }
   void Skip() override { ++next_; }
+  void Cancel() override {
+    if (options_.go_on) options_.go_on->AddStep();
+  }
   const CameraModel& camera() const override { return camera_; }
   bool IsLive() const override { return options_.live; }
 
@@ -263,6 +266,19 @@ TEST(PlayerTest, StopWakesTheConsumerAndEndsTheWaitForADistantFrame) {
   player.Stop();
   consumer.join();
   EXPECT_FALSE(frame);
+}
+
+TEST(PlayerTest, StopEndsTheSourcesWaitForAnImage) {
+  Progress calls, go_on;
+  FakeOptions fake;
+  fake.live = true;
+  fake.calls = &calls;
+  fake.go_on = &go_on;
+  {
+    const Player player(MakeSource(fake), {PlaybackMode::kRealTime, 1, 3});
+    calls.WaitForSteps(2);
+  }
+  EXPECT_GE(go_on.steps(), 1) << "cancelled, or this would never have come to its end";
 }
 
 TEST(PlayerTest, CanBeDestroyedBeforeAnyoneWaited) {

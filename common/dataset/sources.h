@@ -4,6 +4,7 @@
 
 #include "base/result.h"
 #include "dataset/image_source.h"
+#include "dataset/media_module.h"
 
 /// The kinds of sources that OpenImageSource() chooses from; only this folder includes it.
 namespace portolan {
@@ -13,6 +14,9 @@ Result<std::unique_ptr<ImageSource>> OpenFolderSource(const SourceOptions& optio
                                                       const CameraModel& camera);
 Result<std::unique_ptr<ImageSource>> OpenVideoSource(const SourceOptions& options, const CameraModel& camera);
 Result<std::unique_ptr<ImageSource>> OpenCameraSource(const SourceOptions& options, const CameraModel& camera);
+/// The same with a stream, which may not be open, in place of the one that libportolan_media.so opens.
+Result<std::unique_ptr<ImageSource>> OpenCameraSource(const SourceOptions& options, const CameraModel& camera,
+                                                      std::unique_ptr<VideoStream> capture);
 
 /// Takes over the size of the source's images into a calibration without one; fails, naming `image`, if the two differ
 /// or the camera is not valid.

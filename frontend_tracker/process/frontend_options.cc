@@ -11,6 +11,8 @@ void ReadSource(ConfigReader* config, FrontendOptions* options) {
   config->Read("source.speed", &options->speed);
   config->Read("source.resume", &options->resume);
   config->Read("source.camera_fps", &options->source.camera_fps, {1, 1000});
+  config->Read("source.first_image_s", &options->topic.first_image_s, {0, 1e6});
+  config->Read("source.pause_s", &options->topic.pause_s, {0, 1e6});
   int64_t first = 0, most = 0;
   config->Read("source.first_frame", &first, {0, 1'000'000'000});
   config->Read("source.max_frames", &most, {0, 1'000'000'000});
@@ -29,6 +31,8 @@ Status ReadFrontendOptions(ConfigReader* config, FrontendOptions* options) {
   const Result<PlaybackOptions> playback = ParseSpeed(options->speed);
   if (!playback) return playback.error();
   options->playback = *playback;
+  if (options->source.data == kTopicSource && playback->mode != PlaybackMode::kRealTime)
+    return Error{"speed '" + options->speed + "' with the image topic: its images come when they are published"};
   return Ok{};
 }
 

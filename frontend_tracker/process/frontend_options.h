@@ -9,9 +9,16 @@
 
 namespace portolan {
 
+/// How long the image topic is waited for; 0: for ever.
+struct TopicPatience {
+  double first_image_s = 60;  ///< a publisher may be started by hand
+  double pause_s = 5;         ///< a stream that pauses longer has ended
+};
+
 /// What the tracker's process is configured with.
 struct FrontendOptions {
   SourceOptions source;      ///< section source
+  TopicPatience topic;       ///< source.first_image_s, source.pause_s
   std::string speed = "1";   ///< source.speed: a factor of real time, "max" or "lockstep"
   PlaybackOptions playback;  ///< from speed
   TrackerOptions tracker;    ///< sections tracker and orb

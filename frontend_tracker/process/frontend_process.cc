@@ -354,6 +354,11 @@ void FrontendProcess::ReleasePumpIfReady() {
 }
 
 void FrontendProcess::OnEndOfSource() {
+  if (options_.source.data == kTopicSource && frames_ + player_->report().unreadable == 0) {
+    spdlog::error("no image on topic '{}' of domain {} within {} s: is it published there, and reachable?",
+                  setup_.options.bus.image_topic, setup_.options.bus.domain, options_.topic.first_image_s);
+    exit_code_ = kExitUnreachable;
+  }
   phase_ = Phase::kDraining;
   phase_start_ = Clock::now();
   ReleasePumpIfReady();

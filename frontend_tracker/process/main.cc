@@ -28,7 +28,7 @@ int main(int argc, char** argv) {
 
   const ProcessStart start = ProcessStart::Make(setup);
   if (start.exit_code) return *start.exit_code;
-  auto source = OpenFrontendSource(options.source, start.bus.get());
+  auto source = OpenFrontendSource(options, start.bus.get());
   if (!source) {
     spdlog::error("{}", source.error().message);
     return kExitBadInput;
