@@ -254,7 +254,9 @@ void Tracker::GoOver(MapId target, Frame moved, const Frame* before, const std::
     if (before != nullptr) velocity_model_.Update(moved.stamp, moved.camera_from_map);
   }
   if (!is_new_map) {
-    AskAtlas("enter_map", target, link ? left : MapId(), link, "");
+    // Who only localises says where it is, and nothing of how the two maps lie: the map graph stays what it was.
+    const bool is_told = link && !options_.localization_only;
+    AskAtlas("enter_map", target, is_told ? left : MapId(), is_told ? link : std::nullopt, "");
     if (left.IsValid()) links_.NoteActivity(target, left);
     if (left.IsValid()) ++events_.switches;
   }
@@ -289,7 +291,7 @@ void Tracker::LookBack(const Frame& frame) {
   if (link) {
     handover.measured_from = handover.overlaps.size();
     links_.Link({handover.map, frame.reference}, {handover.left, handover.left_reference}, *link);
-    AskAtlas("link_maps", handover.map, handover.left, link, "");
+    if (!options_.localization_only) AskAtlas("link_maps", handover.map, handover.left, link, "");
     young_link_.reset();  // this is the better one
     spdlog::info("link of maps {} and {} from {} frames: scale {:.4f}", ToString(handover.map), ToString(handover.left),
                  handover.overlaps.size(), link->scale);

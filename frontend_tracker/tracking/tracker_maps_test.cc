@@ -228,6 +228,22 @@ TEST_F(TrackerMapsTest, LocalisationOnlyChangesNoMap) {
   EXPECT_GT(tracker_->num_keyframes_sent(), sent);
 }
 
+TEST_F(TrackerMapsTest, LocalisationOnlyTellsNothingOfHowMapsLie) {
+  int place = GoIntoSecondMap();
+  tracker_->OnCommand(MakeCommand(CommandKind::kLocalizeOnly, MapId(), MapId()));
+  tracker_->OnCommand(MakeCommand(CommandKind::kActivateMap, first_map_, second_map_, TrueSecondFromFirst().Inverse()));
+  std::vector<Request> requests;
+  for (int i = 0; i < 12; ++i) {
+    const Tracker::Output output = Show(place - i);
+    EXPECT_EQ(output.state.map, first_map_);
+    requests.insert(requests.end(), output.requests.begin(), output.requests.end());
+  }
+  ASSERT_THAT(requests, SizeIs(1));
+  EXPECT_EQ(requests[0].kind, "enter_map");
+  EXPECT_EQ(requests[0].map, first_map_);
+  EXPECT_FALSE(requests[0].other.IsValid());
+}
+
 TEST_F(TrackerMapsTest, AtTheStartTheAtlasIsAskedBeforeAMapBegins) {
   int place = Initialize();
   for (; place < 14; ++place) Show(place);
