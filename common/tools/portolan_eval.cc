@@ -21,6 +21,8 @@
 namespace portolan {
 namespace {
 
+constexpr int kExitFailure = 1;  // no comparison possible, or not written
+
 /// What the command line says, before the files are read.
 struct Arguments {
   std::string groundtruth, trajectory;
@@ -33,26 +35,12 @@ struct Arguments {
   int64_t first_frame = -1, last_frame = -1;
 };
 
-/// The camera's frames, as far as they are known.
-struct Frames {
-  std::vector<Timestamp> times;  ///< empty: every ground truth pose counts as one
-  size_t number = 0;             ///< given on the command line; 0: by times
-};
-
-Result<Frames> FindFrames(const Arguments& arguments) {
-  Frames frames;
-  int64_t number = 0;
-  if (ParseNumber(arguments.frames, &number)) {
-    if (number < 1) return Error{"--frames " + arguments.frames + ": expected 1 or more"};
-    frames.number = static_cast<size_t>(number);
-    return frames;
-  }
+/// The camera's frames, as far as their times are known; empty: every ground truth pose counts as one.
+Result<std::vector<Timestamp>> FindFrames(const Arguments& arguments, const EvaluationOptions& options) {
+  if (options.num_frames > 0) return std::vector<Timestamp>();
   const std::string list = arguments.frames.empty() ? FindFrameTimes(arguments.groundtruth) : arguments.frames;
-  if (list.empty()) return frames;
-  Result<std::vector<Timestamp>> times = ReadFrameTimes(list);
-  if (!times) return times.error();
-  frames.times = std::move(*times);
-  return frames;
+  if (list.empty()) return std::vector<Timestamp>();
+  return ReadFrameTimes(list);
 }
 
 /// The times of poses in KITTI's form; empty if there are none.
@@ -62,17 +50,20 @@ std::string FindPoseTimes(const Arguments& arguments) {
   return std::filesystem::exists(beside) ? beside.string() : "";
 }
 
-/// A limit of the span in time or by a frame's number.
-Result<std::optional<Timestamp>> FindLimit(const std::string& name, const std::string& seconds, int64_t frame,
-                                           const std::vector<Timestamp>& times) {
-  if (!seconds.empty()) {
-    const std::optional<Timestamp> stamp = ParseSeconds(seconds);
-    if (!stamp) return Error{fmt::format("{} {}: expected seconds", name, seconds)};
-    return stamp;
-  }
+/// A limit of the span; none for no frame. @param option that gave it.
+Result<std::optional<Timestamp>> TimeOfFrame(const std::string& option, int64_t frame,
+                                             const std::vector<Timestamp>& times) {
   if (frame < 0) return std::optional<Timestamp>();
   if (static_cast<size_t>(frame) < times.size()) return std::optional<Timestamp>(times[static_cast<size_t>(frame)]);
-  return Error{fmt::format("{} frame {}: there are {} frames", name, frame, times.size())};
+  return Error{fmt::format("{} {}: there are {} frames", option, frame, times.size())};
+}
+
+/// Empty text: no limit.
+Status ParseLimit(const std::string& option, const std::string& text, std::optional<Timestamp>* limit) {
+  if (text.empty()) return Ok{};
+  *limit = ParseSeconds(text);
+  if (*limit) return Ok{};
+  return Error{fmt::format("{} {}: expected seconds", option, text)};
 }
 
 /// "1.5s" or "10" or "10frames".
@@ -89,32 +80,46 @@ Status ParseRpeDelta(const std::string& text, EvaluationOptions* options) {
   return Error{"--rpe-delta " + text + ": expected seconds as in 1.5s, or a number of frames"};
 }
 
-Result<Evaluation> Evaluate(const Arguments& arguments) {
+/// What the command line says without the files. A failure is a bad argument.
+Result<EvaluationOptions> ParseOptions(const Arguments& arguments) {
+  EvaluationOptions options;
+  options.fix_scale = arguments.scale == "fixed";
+  options.max_dt = arguments.max_dt;
+  if (Status parsed = ParseRpeDelta(arguments.rpe_delta, &options); !parsed) return parsed.error();
+  if (Status parsed = ParseLimit("--from", arguments.from, &options.from); !parsed) return parsed.error();
+  if (Status parsed = ParseLimit("--to", arguments.to, &options.to); !parsed) return parsed.error();
+  int64_t num_frames = 0;
+  if (ParseNumber(arguments.frames, &num_frames)) {
+    if (num_frames < 1) return Error{"--frames " + arguments.frames + ": expected 1 or more"};
+    options.num_frames = static_cast<size_t>(num_frames);
+  }
+  const std::string kind = std::filesystem::path(arguments.plot).extension().string();
+  if (arguments.plot.empty() || kind == ".svg" || kind == ".png") return options;
+  return Error{"--plot " + arguments.plot + ": expected a name that ends in .svg or .png"};
+}
+
+Result<Evaluation> Evaluate(const Arguments& arguments, EvaluationOptions options) {
   const std::string pose_times = FindPoseTimes(arguments);
   Result<Trajectory> truth = ReadTrajectory(arguments.groundtruth, pose_times);
   if (!truth) return truth.error();
   const Result<Trajectory> estimate = ReadTrajectory(arguments.trajectory, pose_times);
   if (!estimate) return estimate.error();
-  const Result<Frames> frames = FindFrames(arguments);
+  const Result<std::vector<Timestamp>> frames = FindFrames(arguments, options);
   if (!frames) return frames.error();
-  EvaluationOptions options;
-  options.fix_scale = arguments.scale == "fixed";
-  options.max_dt = arguments.max_dt > 0 ? arguments.max_dt : HalfMedianInterval(*truth);
-  if (Status parsed = ParseRpeDelta(arguments.rpe_delta, &options); !parsed) return parsed.error();
-  std::vector<Timestamp> times = frames->times;
+  if (options.max_dt <= 0) options.max_dt = HalfMedianInterval(*truth);
+  std::vector<Timestamp> times = *frames;
   if (!times.empty()) {
     truth = SelectFrames(*truth, times, options.max_dt);
   } else {
     for (const TrajectoryPose& pose : *truth) times.push_back(pose.stamp);
   }
-  const Result<std::optional<Timestamp>> from = FindLimit("first", arguments.from, arguments.first_frame, times);
-  if (!from) return from.error();
-  const Result<std::optional<Timestamp>> to = FindLimit("last", arguments.to, arguments.last_frame, times);
-  if (!to) return to.error();
-  options.from = *from;
-  options.to = *to;
-  options.frames = frames->times;
-  options.num_frames = frames->number;
+  const Result<std::optional<Timestamp>> first = TimeOfFrame("--first-frame", arguments.first_frame, times);
+  if (!first) return first.error();
+  const Result<std::optional<Timestamp>> last = TimeOfFrame("--last-frame", arguments.last_frame, times);
+  if (!last) return last.error();
+  if (*first) options.from = *first;
+  if (*last) options.to = *last;
+  options.frames = *frames;
   return EvaluateTrajectory(*truth, *estimate, options);
 }
 
@@ -169,6 +174,11 @@ void Declare(CLI::App* app, Arguments* arguments) {
   app->add_option("--json", arguments->json, "write the figures into this file");
 }
 
+int Complain(const Error& error, int exit_code) {
+  std::cerr << "portolan_eval: " << error.message << "\n";
+  return exit_code;
+}
+
 int Main(int argc, char** argv) {
   CLI::App app(
       "Compares a trajectory with the ground truth: ATE after Sim3 alignment, joined and map by map, and RPE.\n"
@@ -177,15 +187,11 @@ int Main(int argc, char** argv) {
   Arguments arguments;
   Declare(&app, &arguments);
   if (const auto code = ParseCommandLine(&app, argc, argv)) return *code;
-  const Result<Evaluation> evaluation = Evaluate(arguments);
-  if (!evaluation) {
-    std::cerr << "portolan_eval: " << evaluation.error().message << "\n";
-    return 1;
-  }
-  if (Status written = WriteOutputs(arguments, *evaluation); !written) {
-    std::cerr << "portolan_eval: " << written.error().message << "\n";
-    return 1;
-  }
+  const Result<EvaluationOptions> options = ParseOptions(arguments);
+  if (!options) return Complain(options.error(), kExitUsage);
+  const Result<Evaluation> evaluation = Evaluate(arguments, *options);
+  if (!evaluation) return Complain(evaluation.error(), kExitFailure);
+  if (Status written = WriteOutputs(arguments, *evaluation); !written) return Complain(written.error(), kExitFailure);
   return 0;
 }
 

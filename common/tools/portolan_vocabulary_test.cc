@@ -1,15 +1,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
-#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
 #include <string>
 
 #include "features/test_images.h"
+#include "tools/run_tool.h"
 #include "vocabulary/vocabulary.h"
 
 namespace portolan {
@@ -17,22 +16,8 @@ namespace {
 
 using testing::HasSubstr;
 
-struct Outcome {
-  int exit_code = -1;
-  std::string output;  // standard output and error
-};
-
-/// Runs the program with arguments for the shell.
 Outcome RunTool(const std::string& arguments) {
-  const std::string command = std::string(PORTOLAN_VOCABULARY_TOOL) + " " + arguments + " 2>&1";
-  FILE* pipe = popen(command.c_str(), "r");
-  PORTOLAN_CHECK(pipe != nullptr) << command;
-  Outcome outcome;
-  char buffer[4096];
-  while (const size_t size = fread(buffer, 1, sizeof buffer, pipe)) outcome.output.append(buffer, size);
-  const int status = pclose(pipe);
-  if (WIFEXITED(status)) outcome.exit_code = WEXITSTATUS(status);
-  return outcome;
+  return RunProgram(PORTOLAN_VOCABULARY_TOOL, arguments);
 }
 
 class VocabularyTool : public testing::Test {
