@@ -1,142 +1,260 @@
 #!/usr/bin/env python3
-"""Tests of benchmark.py's arithmetic; the runs themselves are what it is for."""
+"""Tests of benchmark.py and sequence_runs.py: what is made of a run's figures, and the whole with stand-ins for the programs."""
 
 import argparse
 import contextlib
 import io
 import json
 import pathlib
-import subprocess
+import sys
 import tempfile
 import unittest
+import unittest.mock
 
-import atlas_runs
 import benchmark
+import figures_to_meet
+import sequence_runs
+from figures_to_meet import at_least, at_most
 
-SUMMARY = {"maps": 1, "keyframes": 40, "frame_ms": {"median": 30.0, "p95": 45.0}, "cpu_s": {"a": 10.0, "b": 20.5}, "peak_memory_mb": {"a": 100, "b": 50}}
+SUMMARY = {
+    "frames": 300, "tracked": 298, "maps": 1, "keyframes": 40, "switches": 0, "fusions": 0, "closures": [], "links": 1, "unlinked_maps": 0,
+    "frames_to_new_map": [],
+    "frame_ms": {"median": 30.0, "p95": 45.0}, "stages_ms": {"frontend_tracker": {"keyframe_to_delta": {"median": 41.0, "p95": 90.0, "count": 40}}},
+    "cpu_s": {"frontend_tracker": 10.0, "loop_closer": 20.5}, "peak_memory_mb": {"frontend_tracker": 100, "loop_closer": 50},
+}
+NEVER = {**SUMMARY, "tracked": 0, "maps": 0, "keyframes": 0, "frame_ms": {"median": None, "p95": None}, "stages_ms": {"frontend_tracker": {}}}
 EVALUATION = {"tracked": 297, "frames": 300, "joined": {"ate": {"rmse": 1.5}}}
+MAPS = {"maps": [{"map": 0, "poses": 20, "ate": {"rmse": 0.1}}, {"map": 1, "poses": 250, "ate": {"rmse": 0.7}}, {"map": 2, "poses": 5, "failure": "too few"}]}
+POSE = "0 0 0 0 0 0 1"
 
 
-class BenchmarkTest(unittest.TestCase):
+def cells_of(sequence, runs):
+    return dict(zip(sequence_runs.COLUMNS, sequence_runs.row(sequence, runs), strict=True))
+
+
+def named(name):
+    return sequence_runs.Sequence(name, pathlib.Path(name), None)
+
+
+class FiguresTest(unittest.TestCase):
     def test_figures_of_a_run(self):
-        run = benchmark.figures(SUMMARY, EVALUATION, 20.0)
+        run = sequence_runs.figures(SUMMARY, EVALUATION, MAPS, 20.0)
         self.assertEqual((run["orb_ratio"], run["p95_ratio"], run["cpu_s"], run["memory_mb"], run["ate"]), (1.5, 1.5, 30.5, 150, 1.5))
+        self.assertEqual((run["keyframe_ms"], run["loop_closer_mb"], run["map_ate"], run["poses"]), (41, 50, 0.7, 297))
 
-    def test_row_holds_medians_of_the_runs_that_worked(self):
-        runs = [benchmark.figures({**SUMMARY, "maps": maps}, {**EVALUATION, "joined": {"ate": {"rmse": ate}}}, 20.0)
-                for maps, ate in ((1, 1.0), (2, 5.0), (2, 2.0))]
-        row = benchmark.median_row("kitti_00", [*runs, {"failure": 1}])
-        cells = [cell.strip() for cell in row.strip("|").split("|")]
-        self.assertEqual(len(cells), len(benchmark.COLUMNS))
-        self.assertEqual(cells[:4], ["kitti_00 (1 of 4 runs failed)", "297 of 300 (99.0 %)", "2.0000", "2"])
+    def test_row_holds_medians_of_the_runs_that_worked_beside_the_figures_to_meet(self):
+        runs = [sequence_runs.figures({**SUMMARY, "maps": maps}, {**EVALUATION, "joined": {"ate": {"rmse": ate}}}, MAPS, 20.0)
+                for maps, ate in ((1, 1.0), (2, 5.0), (2, 1.5))]
+        cells = cells_of(named("kitti_00"), [*runs, {"failure": 1}])
+        self.assertEqual([cells[name] for name in ("sequence", "tracked", "ATE (m)", "maps")], ["kitti_00", "297 of 300 (≥ 297)", "1.5000 (≤ 1.6)", "2"])
+        self.assertEqual([cells[name] for name in ("x ORB", "p95 / median", "keyframe's way (ms)", "CPU s", "MB", "cv::ORB ms")],
+                         ["1.50 (≤ 1.5)", "1.50 (≤ 2)", "41 (≤ 60)", "30.5 (≤ 35)", "150 (≤ 700)", "20.0"])
+        self.assertEqual(cells["verdict"], "met; 1 of 4 runs failed")
 
-    def test_row_without_an_ate_or_without_a_run(self):
-        run = benchmark.figures(SUMMARY, {**EVALUATION, "joined": {"failure": "too few poses"}}, 20.0)
-        self.assertIn("| - |", benchmark.median_row("halls", [run]))
-        failed = benchmark.median_row("halls", [{"failure": 1}])
-        self.assertEqual(len(failed.strip("|").split("|")), len(benchmark.COLUMNS))
+    def test_what_is_missed_is_named(self):
+        slow = {**SUMMARY, "frame_ms": {"median": 31.0, "p95": 63.0}, "stages_ms": {"frontend_tracker": {"keyframe_to_delta": {"median": 61.0}}}}
+        run = sequence_runs.figures(slow, {**EVALUATION, "tracked": 296}, MAPS, 20.0)
+        self.assertEqual(cells_of(named("kitti_00"), [run])["verdict"], "missed: tracked, p95 / median, keyframe's way, x ORB")
+
+    def test_other_sequences_have_nothing_to_meet(self):
+        cells = cells_of(named("garden"), [sequence_runs.figures(SUMMARY, EVALUATION, MAPS, 20.0)])
+        self.assertEqual((cells["tracked"], cells["verdict"]), ("297 of 300", "-"))
+
+    def test_without_ground_truth_the_tracker_counts_its_frames(self):
+        cells = cells_of(named("garden"), [sequence_runs.figures(SUMMARY, None, None, 20.0)])
+        self.assertEqual((cells["tracked"], cells["ATE (m)"], cells["largest map's (m)"]), ("298 of 300", "-", "-"))
+
+    def test_a_run_that_never_begins_a_map_has_a_row(self):
+        cells = cells_of(named("halls"), [sequence_runs.figures(NEVER, None, None, 20.0)])
+        self.assertEqual((cells["tracked"], cells["ATE (m)"], cells["frame ms"], cells["x ORB"]), ("0 of 300 (≥ 1020)", "-", "-", "-"))
+        self.assertIn("tracked, ATE in one map", cells["verdict"])
+
+    def test_a_trajectory_too_short_to_align_has_no_ate(self):
+        run = sequence_runs.figures(SUMMARY, {**EVALUATION, "joined": {"failure": "too few poses"}}, MAPS, 20.0)
+        self.assertEqual(cells_of(named("garden"), [run])["ATE (m)"], "-")
+
+    def test_runs_that_failed_have_a_row(self):
+        cells = cells_of(named("halls"), [{"failure": 1}, {"failure": 1}])
+        self.assertEqual((cells["tracked"], cells["verdict"]), ("failed", "2 of 2 runs failed"))
 
     def test_span_of_frames(self):
-        self.assertEqual(benchmark.parse_span("0-246"), (0, 246))
+        self.assertEqual(sequence_runs.parse_span("0-246"), (0, 246))
         for text in ("246", "5-2", "a-b", "-3", "1-2-3", ""):
             with self.assertRaises(argparse.ArgumentTypeError):
-                benchmark.parse_span(text)
+                sequence_runs.parse_span(text)
+
+    def test_medians_decide_and_a_figure_that_is_not_there_is_missed_unless_it_may_be(self):
+        limits = (at_most("a", "A", 2), at_least("b", "B", 3), at_most("c", "C", 1, is_optional=True))
+        self.assertEqual(figures_to_meet.verdict(limits, [{"a": 1, "b": 3}, {"a": 2, "b": 9}, {"a": 9, "b": 0}]), "met")
+        self.assertEqual(figures_to_meet.verdict(limits, [{"a": None, "b": 2, "c": 1.5}]), "missed: A, B, C")
 
 
-ATLAS = {"maps": 1, "keyframes": 60}
-ROBOT = {**SUMMARY, "switches": 1, "fusions": 2}
-PER_MAP = {"maps": [{}], "maps_combined": {"rmse": 0.2}}
+class RevisitsTest(unittest.TestCase):
+    def closed(self, closures, **more):
+        """Of town_lap, whose frames 865 to 1135 see those from 0 to 268; closures: (frame, frame matched, applied)."""
+        with tempfile.TemporaryDirectory() as folder:
+            folder = pathlib.Path(folder)
+            (folder / "times.txt").write_text("".join(f"{i / 10}\n" for i in range(1138)))
+            entries = [{"stamp_ns": int(a * 1e8), "matched_stamp_ns": int(b * 1e8), "applied": applied} for a, b, applied in closures]
+            return sequence_runs.revisits_closed(sequence_runs.Sequence("town_lap", folder, None), {**SUMMARY, "closures": entries, **more})
+
+    def test_a_loop_closes_the_place_it_is_at_and_counts_once(self):
+        self.assertEqual(self.closed([]), 0)
+        self.assertEqual(self.closed([(900, 35, True), (1000, 140, True)]), 1)
+
+    def test_loops_that_were_not_applied_or_are_elsewhere_do_not_count(self):
+        self.assertEqual(self.closed([(900, 35, False), (900, 500, True), (700, 35, True)]), 0)
+
+    def test_where_maps_were_joined_it_is_not_known(self):
+        self.assertIsNone(self.closed([(900, 35, True)], fusions=1))
 
 
-class AtlasRunsTest(unittest.TestCase):
+EVAL_STUB = """
+import json, pathlib, sys
+words = sys.argv[1:]
+sys.exit(1) if "evaluation_fails" in words[0] else None
+poses = len(pathlib.Path(words[1]).read_text().splitlines())
+evaluation = {"tracked": poses, "frames": 4, "joined": {"ate": {"rmse": 0.01}}, "maps": [{"poses": poses, "ate": {"rmse": 0.02}}]}
+pathlib.Path(words[words.index("--json") + 1]).write_text(json.dumps(evaluation))
+"""
+ORB_STUB = "print('20.0')"
+RUN_STUB = """
+import json, os, pathlib, sys
+words = sys.argv[1:]
+out, data = (pathlib.Path(words[words.index(option) + 1]) for option in ("--out", "--data"))
+(out / "arguments.json").write_text(json.dumps(words))
+sys.exit(3) if data.name == "run_fails" else None
+never = data.name == "never"
+for name in ("trajectory.txt", "trajectory_maps.txt"):
+    (out / name).write_text("" if never else "0.0 0 0 0 0 0 0 1\\n0.1 0 0 0 0 0 0 1\\n")
+(out / "trajectory_online.txt").write_text("" if never else "0.0 0 0 0 0 0 0 1 0\\n0.1 0 0 0 0 0 0 1 1\\n")
+(out / "summary.json").write_text(os.environ["NEVER" if never else "SUMMARY"])
+(out / "atlas_server.json").write_text(json.dumps({"maps": 2, "keyframes": 40, "stored_keyframes": 40, "joins": []}))
+"""
+
+
+class ProgramTest(unittest.TestCase):
+    """benchmark.py with stand-ins for run.sh, portolan_eval and portolan_orb_time."""
+
     def setUp(self):
         folder = tempfile.TemporaryDirectory()
         self.addCleanup(folder.cleanup)
         self.folder = pathlib.Path(folder.name)
+        (self.folder / "bin").mkdir()
+        for name, text in (("portolan_eval", EVAL_STUB), ("portolan_orb_time", ORB_STUB), ("run.sh", RUN_STUB)):
+            path = self.folder / "bin" / name
+            path.write_text(f"#!{sys.executable} -B\n{text}")
+            path.chmod(0o755)
+        environment = unittest.mock.patch.dict("os.environ", {"SUMMARY": json.dumps(SUMMARY), "NEVER": json.dumps(NEVER)})
+        for patch in (environment, unittest.mock.patch.object(sequence_runs, "LAUNCHER", self.folder / "bin" / "run.sh")):
+            patch.start()
+            self.addCleanup(patch.stop)
 
-    def run_of(self, name):
-        return atlas_runs.choose([name])[0]
+    def make(self, name, truth=True):
+        sequence = self.folder / "data" / name
+        sequence.mkdir(parents=True)
+        (sequence / "rgb.txt").write_text("0.0 a.png\n0.1 b.png\n")
+        if truth:
+            (sequence / "groundtruth.txt").write_text(f"0.0 {POSE}\n")
 
-    def cells(self, line):
-        return [cell.strip() for cell in line.strip("|\n").split("|")]
+    def run_it(self, *arguments):
+        """Exit code, rows as {first cell: {column: cell}}, standard error."""
+        with contextlib.redirect_stdout(io.StringIO()) as said, contextlib.redirect_stderr(io.StringIO()) as errors:
+            folders = [word for name in ("data", "bin", "out") for word in (f"--{name}", str(self.folder / name))]
+            code = benchmark.main([*folders, "--runs", "1", *arguments])
+        rows = benchmark.report_table.read(said.getvalue())
+        return code, {next(iter(row.values())): row for row in rows}, errors.getvalue()
 
-    def test_row_holds_medians_beside_the_figures_to_meet(self):
-        measured = [atlas_runs.figures({**ROBOT, "switches": n}, ATLAS, EVALUATION, PER_MAP, None) for n in (1, 3, 5)]
-        cells = self.cells(atlas_runs.row(self.run_of("blackout"), [*measured, {"failure": "x"}]))
-        self.assertEqual(len(cells), len(atlas_runs.COLUMNS))
-        self.assertEqual(cells[:10], ["blackout (1 of 4 runs failed)", "297 of 300", "1.500", "0.200", "1", "3", "2", "60", "-", "150 / 30"])
-        self.assertIn("730 of 761", cells[10])
-        self.assertIn("0.327", cells[11])
+    def arguments_of(self, *folders):
+        return json.loads(self.folder.joinpath("out", *folders, "arguments.json").read_text())
 
-    def test_several_robots_are_told_apart_in_memory_and_time(self):
-        summary = {"robots": {"robot_0": ROBOT, "robot_1": {**ROBOT, "switches": None, "peak_memory_mb": {"a": 7}}}}
-        row = atlas_runs.row(self.run_of("kitchen_halves"), [atlas_runs.figures(summary, ATLAS, EVALUATION, None, None)])
-        self.assertEqual(self.cells(row)[3:10], ["-", "1", "1", "4", "60", "-", "150 / 30, 7 / 30"])
+    def test_all_sequences_are_measured_and_blackouts_beginning_by_itself(self):
+        for name in ("kitchen", "blackout"):
+            self.make(name)
+        self.make("unknown", truth=False)
+        (self.folder / "data" / "pictures").mkdir()
+        code, rows, errors = self.run_it()
+        self.assertEqual((code, errors), (0, ""))
+        self.assertEqual(list(rows), ["blackout", "blackout, frames 0-246", "kitchen", "unknown"])
+        self.assertIn("source.max_frames=247", self.arguments_of("blackout_0-246", "1"))
+        self.assertNotIn("source.max_frames=247", self.arguments_of("blackout", "1"))
+        self.assertEqual(rows["kitchen"]["tracked"], "2 of 4 (≥ 975)")
+        self.assertEqual((rows["unknown"]["tracked"], rows["unknown"]["ATE (m)"]), ("298 of 300", "-"))
 
-    def test_a_run_that_failed_has_a_row(self):
-        cells = self.cells(atlas_runs.row(self.run_of("halls"), [{"failure": "x"}]))
-        self.assertEqual(len(cells), len(atlas_runs.COLUMNS))
-        self.assertEqual(cells[:2], ["halls", "failed"])
+    def test_figures_that_are_missed_are_no_failure_but_runs_that_fail_are(self):
+        for name in ("never", "run_fails", "evaluation_fails"):
+            self.make(name)
+        code, rows, _ = self.run_it("--sequences", "never")
+        self.assertEqual((code, rows["never"]["tracked"]), (0, "0 of 300"))
+        code, rows, errors = self.run_it("--sequences", "never", "run_fails", "evaluation_fails")
+        self.assertEqual((code, rows["run_fails"]["tracked"], rows["evaluation_fails"]["tracked"]), (1, "failed", "failed"))
+        self.assertRegex(errors, r"run_fails: run.sh ended with code 3, see \S+run_fails/1/benchmark.log")
+        self.assertIn("evaluation_fails: portolan_eval ended with code 1", errors)
 
-    def test_commands_of_one_and_of_two_robots(self):
-        folders = {name: pathlib.Path("/d") / name for run in atlas_runs.RUNS for name in run.sequences}
-        one = atlas_runs.command_of(self.run_of("town_lap"), folders, "o", "1")
-        self.assertEqual(one, ["--out", "o", "--speed", "1", "--data", pathlib.Path("/d/town_lap"), "--set", "tracker.max_map_keyframes=120"])
-        two = atlas_runs.command_of(self.run_of("kitchen_even_odd"), folders, "o", "1")
-        self.assertEqual(two[-4:], ["--robots", 2, "--start-offset", 5])
-        self.assertIn("lockstep", atlas_runs.command_of(self.run_of("kitchen_quarters"), folders, "o", "1"))
+    def test_the_report_has_a_section_with_machine_and_date_and_keeps_other_rows(self):
+        for name in ("kitchen", "halls"):
+            self.make(name)
+        page = self.folder / "figures.md"
+        self.run_it("--sequences", "halls", "--report", str(page))
+        page.write_text(page.read_text().replace("2 of 4 (≥ 1020)", "9 of 9"))
+        self.run_it("--sequences", "kitchen", "--report", str(page))
+        text = page.read_text()
+        self.assertTrue(text.startswith("# Figures\n\n<!-- begin: sequences (test/benchmark/benchmark.py) -->\n"))
+        self.assertIn(benchmark.report_table.cpu_model(), text)
+        rows = benchmark.report_table.read(text)
+        self.assertEqual([row["sequence"] for row in rows], ["kitchen", "halls"])
+        self.assertEqual(rows[1]["tracked"], "9 of 9")
+        self.assertRegex(rows[0]["measured"], r"^20\d\d-\d\d-\d\d, 1 run$")
+        self.assertEqual(rows[0]["cv::ORB ms"], "20.0")
 
-    def test_trajectories_are_joined_in_the_order_of_time(self):
-        (self.folder / "a").write_text("# head\n0.5 a\n2.0 a\n")
-        (self.folder / "b").write_text("1.0 b\n10.0 b\n")
-        atlas_runs.join_trajectories([self.folder / "a", self.folder / "b"], self.folder / "j")
-        self.assertEqual((self.folder / "j").read_text(), "0.5 a\n1.0 b\n2.0 a\n10.0 b\n")
+    def test_rows_measured_in_another_way_do_not_stay(self):
+        for name in ("kitchen", "halls"):
+            self.make(name)
+        page = self.folder / "figures.md"
+        self.run_it("--sequences", "halls", "--report", str(page))
+        _, _, errors = self.run_it("--sequences", "kitchen", "--speed", "2", "--report", str(page))
+        self.assertEqual([row["sequence"] for row in benchmark.report_table.read(page.read_text())], ["kitchen"])
+        self.assertIn("go: halls", errors)
 
-    def test_share_of_keyframes_of_the_second_pass(self):
-        (self.folder / "rgb.txt").write_text("# head\n" + "".join(f"{i} x\n" for i in range(10)))
-        (self.folder / "keyframes.txt").write_text("".join(f"{i} 0\n" for i in (0, 1, 2, 4, 7)))
-        self.assertEqual(atlas_runs.second_pass_share(self.folder, self.folder), 0.25)
-        (self.folder / "keyframes.txt").write_text("9 0\n")
-        self.assertIsNone(atlas_runs.second_pass_share(self.folder, self.folder))
+    def test_a_page_with_half_a_section_is_refused_before_anything_runs(self):
+        self.make("kitchen")
+        page = self.folder / "figures.md"
+        page.write_text("<!-- begin: sequences (test/benchmark/benchmark.py) -->\n")
+        code, _, errors = self.run_it("--report", str(page))
+        self.assertEqual(code, 2)
+        self.assertIn("expected the line '<!-- end: sequences", errors)
+        self.assertFalse((self.folder / "out").exists())
 
-    def test_every_named_run_is_made_of_known_sequences(self):
-        known = {"blackout", "office_walk", "halls", "kitchen", "kitti_00", "town_lap", *atlas_runs.make_sequence.NAMED}
-        for run in atlas_runs.RUNS:
-            self.assertLessEqual({*run.sequences, run.truth}, known)
+    def test_wrong_arguments_are_named(self):
+        self.make("kitchen")
+        for arguments, words in ((("--sequences", "nowhere"), "nowhere: no such sequence"),
+                                 (("--atlas", "nowhere"), "--atlas nowhere: expected some of blackout"),
+                                 (("--report", "/nowhere/page.md"), "/nowhere/page.md: no such folder")):
+            code, _, errors = self.run_it(*arguments)
+            self.assertEqual(code, 2)
+            self.assertIn(words, errors)
 
-    def test_unknown_run_ends_the_program(self):
-        with self.assertRaises(SystemExit) as caught:
-            atlas_runs.choose(["nowhere"])
-        self.assertIn("nowhere", str(caught.exception))
+    def test_runs_of_the_atlas_have_a_section_of_their_own(self):
+        self.make("halls")
+        page = self.folder / "figures.md"
+        code, rows, errors = self.run_it("--atlas", "halls", "--report", str(page))
+        self.assertEqual((code, errors), (0, ""))
+        self.assertEqual([rows["halls"][name] for name in ("tracked of those with texture", "the tracker's maps", "maps at the end", "cv::ORB ms", "verdict")],
+                         ["2 of 2", "1 2", "2", "20.0", "missed: tracked"])
+        self.assertIn("<!-- begin: atlas (test/benchmark/benchmark.py) -->", page.read_text())
+        self.assertEqual(benchmark.report_table.read(page.read_text())[0]["verdict"], "missed: tracked")
 
-    def measure_two(self, fail=False):
-        """kitchen_halves with a stand-in for the programs."""
-        data, out = self.folder / "data", self.folder / "out"
-        folders = {name: data / name for name in ("kitchen_first_half", "kitchen_second_half", "kitchen")}
-        (data / "kitchen").mkdir(parents=True)
-        (data / "kitchen" / "groundtruth.txt").write_text("")
-
-        def run_command(command, _):
-            if "--robots" in command:
-                if fail:
-                    raise subprocess.CalledProcessError(3, [str(part) for part in command])
-                for number in range(2):
-                    (out / f"robot_{number}").mkdir(parents=True)
-                    (out / f"robot_{number}" / "trajectory.txt").write_text(f"{number} 0 0 0 0 0 0 1\n")
-                (out / "summary.json").write_text(json.dumps({"robots": {"robot_0": ROBOT, "robot_1": ROBOT}}))
-                (out / "atlas_server.json").write_text(json.dumps(ATLAS))
-            else:
-                command[-1].write_text(json.dumps({**EVALUATION, "tracked": len(command[2].read_text().splitlines())}))
-
-        options = argparse.Namespace(bin=pathlib.Path("/bin"), speed="1", launcher="run.sh")
-        return atlas_runs.measure(self.run_of("kitchen_halves"), folders, out, options, [], run_command)
-
-    def test_two_robots_are_compared_in_one_frame(self):
-        self.assertEqual(self.measure_two()["poses"], 2)
-
-    def test_program_that_fails_is_the_callers_to_note(self):
-        with self.assertRaises(subprocess.CalledProcessError), contextlib.redirect_stderr(io.StringIO()):
-            self.measure_two(fail=True)
+    def test_vendors_are_compared_on_the_sequences_named(self):
+        self.make("kitchen")
+        code, rows, _ = self.run_it("--compare", "kitchen", "--frames", "0-9")
+        self.assertEqual(code, 0)
+        self.assertEqual(list(rows), [f"kitchen, frames 0-9, {setup}" for setup in ("lockstep", "Fast DDS", "Cyclone DDS", "mapper on Cyclone DDS")])
+        self.assertEqual([row["verdict"] for row in rows.values()], ["byte-equal", "met", "met", "met"])
+        mixed = self.arguments_of("compare", "kitchen_0-9", "mapper_on_Cyclone_DDS", "1")
+        self.assertEqual(mixed[mixed.index("--dds"):][:4], ["--dds", "fastdds", "--dds-mapper", "cyclonedds"])
+        for number in "12":
+            lockstep = self.arguments_of("compare", "kitchen_0-9", "lockstep", number)
+            self.assertEqual(lockstep[lockstep.index("--speed") + 1], "lockstep")
 
 
 if __name__ == "__main__":

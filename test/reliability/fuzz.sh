@@ -4,9 +4,10 @@ set -euo pipefail
 
 usage() {
   cat <<'TEXT'
-usage: test/reliability/fuzz.sh [--minutes M] [--jobs N] [TARGET...]
+usage: test/reliability/fuzz.sh [--minutes M] [--jobs N] [--report] [TARGET...]
   --minutes M   for each target (default: 10)
   --jobs N      targets at a time (default: 1)
+  --report      runs nothing, prints the last run of each target as a Markdown table
   TARGET        keyframe, replica, correction, message, stored (default: all)
 Builds with Clang, the address and the undefined behaviour sanitizer into build-fuzz/. Inputs that reached something new stay in
 build-fuzz/corpus/TARGET and are gone on from; an input that fails is left in build-fuzz/findings/, and
@@ -17,11 +18,12 @@ TEXT
 
 fail() { echo "fuzz.sh: $1" >&2; exit "${2:-1}"; }
 
-minutes=10 jobs=1 targets=()
+minutes=10 jobs=1 report=no targets=()
 while [ $# -gt 0 ]; do
   case "$1" in
     --minutes) minutes=${2-}; shift ;;
     --jobs) jobs=${2-}; shift ;;
+    --report) report=yes ;;
     -h|--help) usage; exit 0 ;;
     keyframe|replica|correction|message|stored) targets+=("$1") ;;
     *) usage >&2; fail "unknown option or target '$1'" 2 ;;
@@ -33,8 +35,24 @@ done
 [ ${#targets[@]} -gt 0 ] || targets=(keyframe replica correction message stored)
 
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
-launch_scripts/install_dependencies.sh --with fuzz
 root=$PWD/build-fuzz
+
+# 1982588 as 1 982 588.
+group() { sed -E ':a; s/([0-9])([0-9]{3})( |$)/\1 \2\3/; ta' <<<"$1"; }
+
+if [ $report = yes ]; then
+  rows=""
+  for target in "${targets[@]}"; do
+    [ -f "$root/$target.result" ] || continue
+    IFS=$'\t' read -r seconds runs coverage found <"$root/$target.result"
+    rows+="| $target | $(awk -v s="$seconds" 'BEGIN { printf s < 60 ? "%.1f" : "%.0f", s / 60 }') | $(group "$runs") | $coverage | $found |"$'\n'
+  done
+  [ -n "$rows" ] || fail "no target was run yet: build-fuzz/ has no results"
+  printf '| target | minutes | inputs | edges | found |\n| --- | --- | --- | --- | --- |\n%s' "$rows"
+  exit 0
+fi
+
+launch_scripts/install_dependencies.sh --with fuzz
 mkdir -p "$root/findings"
 touch "$root/COLCON_IGNORE"
 
@@ -49,16 +67,20 @@ echo "fuzz.sh: building into build-fuzz/"
   cmake --build "$root/common" --target "${targets[@]/#/portolan_fuzz_}"
 } >"$root/build.log" 2>&1 || { grep -E -m 20 'error|FAILED' "$root/build.log" >&2; fail "the build failed: build-fuzz/build.log"; }
 
-# One target: its line of figures, and code 1 if an input failed.
+# One target: its line of figures, the same for --report in TARGET.result (seconds, inputs, edges, what was found), and code 1 if an input failed.
 fuzz() {
   local target=$1 log=$root/$1.log program=$root/common/fuzzing/portolan_fuzz_$1 code=0
   mkdir -p "$root/corpus/$target"
+  rm -f "$root/$target.result"
+  SECONDS=0
   PORTOLAN_FUZZ_SEEDS="$root/corpus/$target" UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1 \
     "$program" "$root/corpus/$target" -max_total_time=$((60 * minutes)) -max_len=60000 -timeout=20 -rss_limit_mb=1500 \
     -print_final_stats=1 "-artifact_prefix=$root/findings/$target-" >"$log" 2>&1 || code=1
-  local runs coverage
-  runs=$(grep -a 'stat::number_of_executed_units' "$log" | awk '{print $2}')
+  local seconds=$SECONDS runs coverage found=nothing
+  runs=$(grep -a 'stat::number_of_executed_units' "$log" | awk '{print $2}' || true)
   coverage=$(grep -aoE 'cov: [0-9]+' "$log" | tail -n 1 | cut -d' ' -f2 || true)
+  [ $code = 0 ] || found=$(grep -am 1 '^SUMMARY: ' "$log" | cut -d' ' -f2- | tr '|\t' '/ ' || true)
+  printf '%s\t%s\t%s\t%s\n' "$seconds" "${runs:-?}" "${coverage:-?}" "${found:-a failure, see the log}" >"$root/$target.result"
   echo "fuzz.sh: $target: ${runs:-?} inputs, ${coverage:-?} edges, $([ $code = 0 ] && echo 'nothing found' || echo "FAILED: build-fuzz/$target.log")"
   return $code
 }

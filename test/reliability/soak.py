@@ -4,6 +4,7 @@
   soak.py --out /tmp/soak                          an hour
   soak.py --out /tmp/soak --minutes 10 --size 320x240
   soak.py --out /tmp/soak --plot-only              draws an earlier run's samples again
+  soak.py --out /tmp/soak --plot-only --report docs/reliability.md --with-plot    writes their table into its section of the page, the plot beside
 
 A known place adds nothing, so after the first laps all of it should be flat. Leaves in OUT: samples.jsonl (a line a second, as `portolan status --json` has it),
 soak.svg, soak.json. Exit code: 0 flat, 1 something grew or the run failed, 2 bad arguments.
@@ -13,16 +14,20 @@ import argparse
 import json
 import math
 import pathlib
+import shutil
 import signal
 import statistics
 import subprocess
 import sys
 import time
 
+import report_section
+
 REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
 EXIT_OK, EXIT_GREW, EXIT_USAGE = 0, 1, 2
 ROLES = ("frontend_tracker", "backend_mapper", "loop_closer", "atlas_server")
 COLOURS = dict(zip(ROLES, ("#c02020", "#2050c0", "#208040", "#a07000")))
+SECTION, PLOT = "soak (test/reliability/soak.py)", "soak.svg"
 # Frames a second that no tracker reaches here: so many are listed that the run never comes to their end.
 MAX_RATE = 250
 FPS = 20
@@ -207,7 +212,7 @@ def report(out, lap):
     if not seconds or frames[-1] is None:
         raise Failure("no figures of the tracker came")
     warm = first_warm(frames, lap)
-    (out / "soak.svg").write_text(draw(seconds, frames, series, lap))
+    (out / PLOT).write_text(draw(seconds, frames, series, lap))
     verdicts = {}
     laps = frames[-1] / lap
     print(f"{laps:.1f} laps of {lap} frames in {seconds[-1] / 60:.1f} minutes; judged from minute {seconds[warm] / 60:.1f} on")
@@ -216,9 +221,33 @@ def report(out, lap):
         if verdict is not None:
             verdicts.setdefault(PANELS[i].title, {})[role] = verdict
             print(f"{PANELS[i].title:12} {role:17} {verdict['first']:9.1f} -> {verdict['last']:9.1f}  {'GREW' if verdict['grew'] else 'flat'}")
-    (out / "soak.json").write_text(json.dumps({"laps": laps, "lap_frames": lap, "minutes": seconds[-1] / 60, "verdicts": verdicts}, indent=2) + "\n")
-    print(f"plot in {out / 'soak.svg'}")
+    found = {"laps": laps, "lap_frames": lap, "minutes": seconds[-1] / 60, "judged_from_minute": seconds[warm] / 60, "verdicts": verdicts}
+    (out / "soak.json").write_text(json.dumps(found, indent=2) + "\n")
+    print(f"plot in {out / PLOT}")
     return bool(verdicts) and not any(verdict["grew"] for roles in verdicts.values() for verdict in roles.values())
+
+
+def table(found):
+    """Markdown, of what is in soak.json: a row for each process."""
+    lines = [f"{found['laps']:.0f} laps of {found['lap_frames']} frames in {found['minutes']:.0f} minutes. From minute {found['judged_from_minute']:.1f} on: "
+             "medians of the first and the last quarter.", "",
+             "| process | " + " | ".join(panel.title for panel in PANELS) + " | verdict |", "| --- |" + " --- |" * (len(PANELS) + 1)]
+    for role in ROLES:
+        judged = {panel.title: found["verdicts"].get(panel.title, {}).get(role) for panel in PANELS}
+        cells = ["-" if one is None else f"{one['first']:.1f} to {one['last']:.1f}" for one in judged.values()]
+        grew = [title.split()[0] for title, one in judged.items() if one is not None and one["grew"]]
+        words = "grew: " + ", ".join(grew) if grew else "flat" if any(judged.values()) else "too few samples"
+        lines.append(f"| {role} | " + " | ".join(cells) + f" | {words} |")
+    return "\n".join(lines)
+
+
+def write_report(page, out, with_plot):
+    """The table into its section of the page, and the plot beside it if asked for."""
+    text = table(json.loads((out / "soak.json").read_text()))
+    if with_plot:
+        shutil.copyfile(out / PLOT, page.parent / PLOT)
+        text += f"\n\n![Memory, descriptors, queues and keyframes over time]({PLOT})"
+    report_section.write(page, SECTION, text)
 
 
 def parse(arguments):
@@ -230,9 +259,18 @@ def parse(arguments):
     parser.add_argument("--domain", type=int, default=99)
     parser.add_argument("--bin", type=pathlib.Path, default=REPOSITORY / "install/bin")
     parser.add_argument("--plot-only", action="store_true")
+    parser.add_argument("--report", type=pathlib.Path, metavar="FILE", help="page whose section the table is written into")
+    parser.add_argument("--with-plot", action="store_true", help="with --report: copy the plot beside the page")
     options = parser.parse_args(arguments)
     if not (math.isfinite(options.minutes) and options.minutes > 0):
         parser.error(f"--minutes {options.minutes}: more than 0 expected")
+    if options.with_plot and options.report is None:
+        parser.error("--with-plot: goes with --report")
+    if options.report is not None:
+        try:
+            report_section.replace(options.report.read_text(), SECTION, "")
+        except (OSError, report_section.SectionError) as error:
+            parser.error(f"--report {options.report}: {error}")
     return options
 
 
@@ -243,7 +281,10 @@ def main(arguments):
         if not options.plot_only:
             drive(options)
         lap = json.loads((options.out / "lap.json").read_text())["frames"]
-        return EXIT_OK if report(options.out, lap) else EXIT_GREW
+        is_flat = report(options.out, lap)
+        if options.report is not None:
+            write_report(options.report, options.out, options.with_plot)
+        return EXIT_OK if is_flat else EXIT_GREW
     except (Failure, OSError, subprocess.CalledProcessError) as error:
         print(f"soak.py: {error}", file=sys.stderr)
         return EXIT_GREW

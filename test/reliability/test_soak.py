@@ -10,6 +10,7 @@ import tempfile
 import unittest
 import xml.etree.ElementTree
 
+import report_section
 import soak
 
 
@@ -73,6 +74,43 @@ class ReportTest(unittest.TestCase):
         self.report(lambda s: 100, lambda s: 40)
         root = xml.etree.ElementTree.parse(self.out / "soak.svg").getroot()
         self.assertEqual(len(root.findall("{http://www.w3.org/2000/svg}polyline")), len(soak.ROLES) * len(soak.PANELS))
+
+    def page_of(self, memory, with_plot):
+        """A page with the section after a report of such memory."""
+        self.report(memory, lambda s: 40)
+        page = self.out / "docs" / "page.md"
+        page.parent.mkdir()
+        page.write_text("above\n" + "\n".join(report_section.markers(soak.SECTION)) + "\nbelow\n")
+        soak.write_report(page, self.out, with_plot)
+        return page
+
+    def test_the_table_goes_into_its_section_of_a_page(self):
+        lines = self.page_of(lambda s: 100 + min(s, 30), with_plot=False).read_text().splitlines()
+        self.assertEqual((lines[0], lines[-1]), ("above", "below"))
+        self.assertIn("20 laps of 100 frames in 3 minutes. From minute 0.5 on: medians of the first and the last quarter.", lines)
+        self.assertIn("| process | memory [MB] | descriptors | queues | keyframes | verdict |", lines)
+        self.assertIn("| frontend_tracker | 130.0 to 130.0 | 40.0 to 40.0 | 1.0 to 1.0 | 40.0 to 40.0 | flat |", lines)
+        self.assertEqual(sum(line.endswith("| flat |") for line in lines), len(soak.ROLES))
+        self.assertFalse((self.out / "docs" / "soak.svg").exists())
+
+    def test_what_grew_is_named_in_the_table_and_the_plot_stands_beside_the_page_if_asked_for(self):
+        page = self.page_of(lambda s: 100 + 0.2 * s, with_plot=True)
+        self.assertIn("| grew: memory |", page.read_text())
+        self.assertIn("(soak.svg)", page.read_text())
+        self.assertEqual((page.parent / "soak.svg").read_bytes(), (self.out / "soak.svg").read_bytes())
+
+    def test_a_run_too_short_to_judge_says_so(self):
+        found = {"laps": 1, "lap_frames": 100, "minutes": 1, "judged_from_minute": 0.4, "verdicts": {}}
+        self.assertEqual(soak.table(found).count("too few samples"), len(soak.ROLES))
+
+    def test_a_page_without_the_section_is_refused_before_anything_runs(self):
+        page = self.out / "page.md"
+        page.write_text("# Page\n")
+        for arguments, words in ((["--report", str(page)], "<!-- begin: soak (test/reliability/soak.py) -->"),
+                                 (["--with-plot"], "--with-plot: goes with --report")):
+            with contextlib.redirect_stderr(io.StringIO()) as errors, self.assertRaises(SystemExit):
+                soak.parse(["--out", str(self.out), *arguments])
+            self.assertIn(words, errors.getvalue())
 
     def test_no_samples_are_a_failure(self):
         (self.out / "samples.jsonl").touch()
