@@ -30,6 +30,7 @@ class MalformedWriter {
     Add(RandomReply(&random_));
     Add(RandomTrackerState(&random_));
     Add(RandomMapperState(&random_));
+    Add(RandomFollowerState(&random_));
     Add(RandomProcessStatus(&random_));
   }
 
@@ -59,9 +60,10 @@ class MalformedWriter {
 
 /// What each process reads (docs/topics.md).
 const std::map<std::string, std::vector<std::string>> kReads = {
-    {"frontend_tracker", {"map_delta", "mapper_state", "keyframe", "reply", "process_status"}},
+    {"frontend_tracker",
+     {"map_delta", "mapper_state", "follower_state", "keyframe", "reply", "command", "process_status"}},
     {"backend_mapper", {"keyframe", "tracker_state", "command", "map_request", "reply", "map_delta", "correction"}},
-    {"loop_closer", {"keyframe", "map_delta", "mapper_state", "process_status"}},
+    {"loop_closer", {"keyframe", "map_delta", "mapper_state", "tracker_state", "command", "process_status"}},
     {"atlas_server", {"process_status", "mapper_state", "keyframe", "map_delta", "map_request", "request"}}};
 
 class BadMessageTest : public ProcessTest, public ::testing::WithParamInterface<DdsVendor> {

@@ -1,5 +1,7 @@
 // Whole runs through run.sh: what they leave, on each vendor and across vendors, repeated, and in real time.
 
+#include <map>
+
 #include "processes/process_test.h"
 #include "processes/run_output_check.h"
 
@@ -41,19 +43,25 @@ TEST_P(VendorTest, LockstepRunLeavesAWholeResult) {
 INSTANTIATE_TEST_SUITE_P(
     All, VendorTest,
     ::testing::Values(Vendors{"fastdds", {"--dds", "fastdds"}}, Vendors{"cyclonedds", {"--dds", "cyclonedds"}},
-                      Vendors{"mapper_on_cyclonedds", {"--dds", "fastdds", "--dds-mapper", "cyclonedds"}},
-                      Vendors{"frontend_on_cyclonedds", {"--dds", "fastdds", "--dds-frontend", "cyclonedds"}}),
+                      Vendors{"mapper_and_loop_on_cyclonedds",
+                              {"--dds", "fastdds", "--dds-mapper", "cyclonedds", "--dds-loop", "cyclonedds"}},
+                      Vendors{"frontend_and_atlas_on_cyclonedds",
+                              {"--dds", "fastdds", "--dds-frontend", "cyclonedds", "--dds-atlas", "cyclonedds"}}),
     [](const auto& parameter) { return parameter.param.name; });
 
 TEST_F(RunTest, TwoLockstepRunsGiveTheSameBytes) {
-  std::string first;
+  const std::vector<std::string> files = {"trajectory.txt", "trajectory_maps.txt", "trajectory_online.txt",
+                                          "keyframes.txt"};
+  std::map<std::string, std::string> first;
   for (const char* vendor : {"fastdds", "cyclonedds"}) {
     const Ended run = RunToEnd(RunCommand({"--data", Sequence(), "--speed", "lockstep", "--dds", vendor}));
     ASSERT_EQ(run.code, 0) << run.output << Logs();
-    const std::string trajectory = ReadWholeFile(Out() + "/trajectory.txt");
-    EXPECT_NE(trajectory, "");
-    if (first.empty()) first = trajectory;
-    EXPECT_TRUE(trajectory == first) << "on " << vendor;  // whole trajectories would be lines too long for colcon
+    for (const std::string& file : files) {
+      const std::string text = ReadWholeFile(Out() + "/" + file);
+      EXPECT_NE(text, "") << file;
+      // Whole files would be lines too long for colcon.
+      EXPECT_TRUE(text == first.try_emplace(file, text).first->second) << file << " on " << vendor;
+    }
   }
 }
 
