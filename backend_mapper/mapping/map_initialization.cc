@@ -100,16 +100,17 @@ void NormalizeScale(InitialStructure* structure) {
 
 Result<InitialStructure> ReconstructInitialStructure(const KeyFrameData& first, const KeyFrameData& second,
                                                      const FeaturePairs& matches, const InitializationOptions& options,
-                                                     const std::optional<Rigid3d>& tracked_second_from_first) {
+                                                     const std::optional<Rigid3d>& tracked_second_from_first,
+                                                     PlaneWitness* witness) {
   const auto pixels = GatherPixels(first, second, matches);
   if (!pixels.ok()) return pixels.error();
   const bool is_known = tracked_second_from_first && !tracked_second_from_first->translation.isZero(0);
   const auto second_from_first_by_images =
       tracked_second_from_first ? std::optional<Eigen::Quaterniond>(tracked_second_from_first->rotation) : std::nullopt;
   const auto views =
-      is_known
-          ? ReconstructByMotion(*pixels, first.camera, second.camera, *tracked_second_from_first, options.two_view)
-          : ReconstructTwoViews(*pixels, first.camera, second.camera, options.two_view, second_from_first_by_images);
+      is_known ? ReconstructByMotion(*pixels, first.camera, second.camera, *tracked_second_from_first, options.two_view)
+               : ReconstructTwoViews(*pixels, first.camera, second.camera, options.two_view,
+                                     second_from_first_by_images, witness);
   if (!views.ok()) return views.error();
 
   InitialStructure structure;

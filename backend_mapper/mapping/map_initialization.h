@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "base/result.h"
+#include "geometry/plane_witness.h"
 #include "geometry/rigid3.h"
 #include "map/keyframe.h"
 #include "mapping/mapper_options.h"
@@ -31,11 +32,13 @@ struct InitialStructure {
 /// images (see ReconstructTwoViews). Else of frames that are tracked in another map, the length of its translation in
 /// any unit: beyond the paper, it takes the place of the first steps. On a straight road there is often too little to
 /// estimate it.
+/// @param witness may be null: what earlier pairs of the same first keyframe told of a plane (see ReconstructTwoViews).
 /// Fails with the reason when a feature does not exist, the two views are refused (ReconstructTwoViews) or fewer
 /// than options.min_points points survive BA. Deterministic for options.two_view.seed.
 Result<InitialStructure> ReconstructInitialStructure(const KeyFrameData& first, const KeyFrameData& second,
                                                      const std::vector<std::pair<uint32_t, uint32_t>>& matches,
                                                      const InitializationOptions& options,
-                                                     const std::optional<Rigid3d>& tracked_second_from_first = {});
+                                                     const std::optional<Rigid3d>& tracked_second_from_first = {},
+                                                     PlaneWitness* witness = nullptr);
 
 }  // namespace portolan

@@ -18,6 +18,9 @@ namespace portolan {
 namespace {
 
 constexpr double kChi2 = 3.84;  // 95 % of a chi-square with 1 degree of freedom: distance from the epipolar constraint
+/// A plane is all that is seen where H explains so much of what F does, and all but so few matches lie on the side of a
+/// normal that is seen.
+constexpr double kPlaneShare = 0.9;
 // Standard deviations of parallax from which on a match says what lies behind a camera.
 constexpr double kSignificance = 3;
 /// Of a motion's median parallax, by which what is near turns the images otherwise than the camera: past a wall all is.
@@ -226,19 +229,30 @@ int Triangulate(const CalibratedMatches& m, TwoViewReconstruction* result) {
   return static_cast<int>(parallaxes_deg.size());
 }
 
+/// The motions of a plane that is all there is to be seen; none if there is more. More than one: it is open which.
+std::vector<PlanarMotion> MotionsOfPlane(const CalibratedMatches& m, const TwoViewModel& fundamental,
+                                         const TwoViewModel& homography, const std::vector<PlanarMotion>& motions) {
+  const auto count = [](const std::vector<bool>& flags) { return std::count(flags.begin(), flags.end(), true); };
+  const auto on_plane = static_cast<double>(count(homography.inliers));
+  if (on_plane < kPlaneShare * static_cast<double>(count(fundamental.inliers))) return {};
+  std::vector<PlanarMotion> visible;
+  for (const PlanarMotion& motion : motions) {
+    int seen = 0;
+    for (size_t i = 0; i < m.size(); ++i)
+      seen += homography.inliers[i] && motion.normal_in_first.dot(m.first_xy[i].homogeneous()) > 0 ? 1 : 0;
+    if (seen >= kPlaneShare * on_plane) visible.push_back(motion);
+  }
+  return visible;
+}
+
 /// The motions of the homography and of the fundamental matrix (paper Eq. 9), and those that the images' rotation leads
 /// to.
 std::vector<Candidate> CandidateMotions(const CalibratedMatches& m, const TwoViewModel& fundamental,
+                                        const std::vector<PlanarMotion>& of_homography,
                                         const std::optional<Eigen::Quaterniond>& second_from_first_by_images) {
   const Eigen::Matrix3d K1 = m.first_camera.K(), K2 = m.second_camera.K();
-  const Result<TwoViewModel> homography = EstimateHomography(m.pixels, m.options);
   std::vector<Candidate> candidates;
-  if (homography) {
-    const Eigen::Matrix3d in_first_pixels = K1 * K2.inverse() * homography->second_from_first;
-    for (const Rigid3d& motion : DecomposeHomography(in_first_pixels, m.first_camera)) {
-      candidates.push_back({motion, true});
-    }
-  }
+  for (const PlanarMotion& motion : of_homography) candidates.push_back({motion.second_from_first, true});
   for (const Rigid3d& motion : DecomposeEssential(K2.transpose() * fundamental.second_from_first * K1)) {
     candidates.push_back({motion, false});
   }
@@ -276,7 +290,8 @@ std::vector<Rigid3d> DecomposeEssential(const Eigen::Matrix3d& second_from_first
   return motions;
 }
 
-std::vector<Rigid3d> DecomposeHomography(const Eigen::Matrix3d& second_from_first_px, const PinholeCamera& camera) {
+std::vector<PlanarMotion> DecomposeHomography(const Eigen::Matrix3d& second_from_first_px,
+                                              const PinholeCamera& camera) {
   // A plane in front of both cameras is seen from the same side by both: the true scale of H has a positive
   // determinant.
   const double sign = second_from_first_px.determinant() < 0 ? -1 : 1;
@@ -285,27 +300,49 @@ std::vector<Rigid3d> DecomposeHomography(const Eigen::Matrix3d& second_from_firs
   cv::eigen2cv(camera.K(), K);
   std::vector<cv::Mat> rotations, translations, normals;
   cv::decomposeHomographyMat(H, K, rotations, translations, normals);
-  std::vector<Rigid3d> motions;
+  std::vector<PlanarMotion> motions;
   for (size_t i = 0; i < rotations.size(); ++i) {
     Eigen::Matrix3d rotation;
-    Eigen::Vector3d translation;
+    Eigen::Vector3d translation, normal;
     cv::cv2eigen(rotations[i], rotation);
     cv::cv2eigen(translations[i], translation);
+    cv::cv2eigen(normals[i], normal);
     if (!rotation.allFinite() || !(translation.norm() > 0))
       continue;  // a pure rotation has no direction of translation
-    motions.emplace_back(Eigen::Quaterniond(rotation).normalized(), translation.normalized());
+    motions.push_back({Rigid3d(Eigen::Quaterniond(rotation).normalized(), translation.normalized()), normal});
   }
   return motions;
 }
 
-Result<TwoViewReconstruction> ReconstructTwoViews(
-    const PixelMatches& matches, const PinholeCamera& first_camera, const PinholeCamera& second_camera,
-    const TwoViewOptions& options, const std::optional<Eigen::Quaterniond>& second_from_first_by_images) {
+Result<TwoViewReconstruction> ReconstructTwoViews(const PixelMatches& matches, const PinholeCamera& first_camera,
+                                                  const PinholeCamera& second_camera, const TwoViewOptions& options,
+                                                  const std::optional<Eigen::Quaterniond>& second_from_first_by_images,
+                                                  PlaneWitness* witness) {
   const Result<TwoViewModel> fundamental = EstimateFundamental(matches, options);
   if (!fundamental) return fundamental.error();
   const CalibratedMatches calibrated(matches, first_camera, second_camera, options);
-  const std::vector<Candidate> ranked = RankMotions(
-      calibrated, CandidateMotions(calibrated, *fundamental, second_from_first_by_images), second_from_first_by_images);
+  const Result<TwoViewModel> homography = EstimateHomography(matches, options);
+  std::vector<PlanarMotion> of_homography;
+  std::optional<PlanarMotion> of_plane;
+  if (homography) {
+    const Eigen::Matrix3d in_first_pixels =
+        first_camera.K() * second_camera.K().inverse() * homography->second_from_first;
+    of_homography = DecomposeHomography(in_first_pixels, first_camera);
+  }
+  if (homography && witness != nullptr) {
+    const std::vector<PlanarMotion> motions = MotionsOfPlane(calibrated, *fundamental, *homography, of_homography);
+    if (const auto judged = witness->Judge(motions)) of_plane = motions[*judged];
+    witness->Add(motions);
+  }
+
+  std::vector<Candidate> ranked;
+  if (of_plane) {
+    ranked.push_back({of_plane->second_from_first, true});
+  } else {
+    ranked =
+        RankMotions(calibrated, CandidateMotions(calibrated, *fundamental, of_homography, second_from_first_by_images),
+                    second_from_first_by_images);
+  }
   if (ranked.empty()) return Refused("no motion explains the matches");
 
   TwoViewReconstruction result;
@@ -321,6 +358,7 @@ Result<TwoViewReconstruction> ReconstructTwoViews(
     return Refused("too little parallax, ", valid, " of ", agreeing, " points have ", options.min_parallax_deg,
                    " deg, median is ", result.median_parallax_deg, " deg");
   }
+  if (of_plane) return result;
   if (const Candidate* rival = FindRival(ranked, options.ambiguity_ratio)) {
     return Refused("ambiguous, two motions explain the matches with scores ", ranked[0].score, " and ", rival->score);
   }

@@ -8,6 +8,7 @@
 
 #include "base/result.h"
 #include "geometry/camera_model.h"
+#include "geometry/plane_witness.h"
 #include "geometry/rigid3.h"
 
 namespace portolan {
@@ -53,9 +54,9 @@ Result<TwoViewModel> EstimateHomography(const PixelMatches& matches, const TwoVi
 /// The four motions of an essential matrix (paper Eq. 9), translation of length 1. In no particular order.
 std::vector<Rigid3d> DecomposeEssential(const Eigen::Matrix3d& second_from_first_essential);
 
-/// Motion candidates of a homography between calibrated views (up to eight; Faugeras and Lustman 1988, or OpenCV's
-/// decomposeHomographyMat), translation of length 1.
-std::vector<Rigid3d> DecomposeHomography(const Eigen::Matrix3d& second_from_first_px, const PinholeCamera& camera);
+/// Motions of a homography between views of one calibrated camera: up to four, by OpenCV's decomposeHomographyMat
+/// (Malis and Vargas 2007).
+std::vector<PlanarMotion> DecomposeHomography(const Eigen::Matrix3d& second_from_first_px, const PinholeCamera& camera);
 
 /// Structure and motion from two views.
 struct TwoViewReconstruction {
@@ -74,9 +75,13 @@ struct TwoViewReconstruction {
 /// @param second_from_first_by_images second from first, by the images alone (paper Eq. 3 to 6), where it is known.
 /// Then motions in directions all over the sphere are refined from it too: with few matches, a narrow view or repeated
 /// texture RANSAC misses the true motion or its rival. And what turns quite differently is no candidate.
+/// @param witness may be null: what earlier pairs of the same first view told of a plane; this pair is added. Where all
+/// that is seen is a plane, it tells the true motion from its twin, and H's motion is taken as it is: on a plane E's
+/// five degrees of freedom would only spoil it.
 Result<TwoViewReconstruction> ReconstructTwoViews(
     const PixelMatches& matches, const PinholeCamera& first_camera, const PinholeCamera& second_camera,
-    const TwoViewOptions& options, const std::optional<Eigen::Quaterniond>& second_from_first_by_images = {});
+    const TwoViewOptions& options, const std::optional<Eigen::Quaterniond>& second_from_first_by_images = {},
+    PlaneWitness* witness = nullptr);
 
 /// The same by a motion that is known, up to the length of its translation: points alone. Nothing is ambiguous then,
 /// and matches that don't fit are no sign of a wrong motion; only too few points with parallax are refused.

@@ -169,7 +169,14 @@ TEST(DecomposeTest, HomographyHoldsTheMotionWhateverItsSign) {
   const Eigen::Matrix3d homography = camera.K() * euclidean * camera.K().inverse();
   const Rigid3d expected(kSideways.rotation, kSideways.translation.normalized());
   for (const double scale : {1.0, -0.2, 50.0}) {
-    EXPECT_THAT(DecomposeHomography(scale * homography, camera), testing::Contains(RigidNear(expected, 1e-5)));
+    std::vector<Rigid3d> motions;
+    for (const PlanarMotion& motion : DecomposeHomography(scale * homography, camera)) {
+      motions.push_back(motion.second_from_first);
+      if (motion.second_from_first.translation.dot(expected.translation) > 1 - 1e-9) {
+        EXPECT_THAT(motion.normal_in_first, VectorNear(normal, 1e-5));
+      }
+    }
+    EXPECT_THAT(motions, testing::Contains(RigidNear(expected, 1e-5)));
   }
 }
 
@@ -262,6 +269,24 @@ TEST(ReconstructTwoViewsTest, TwoSolutionsOfAPlaneAreRefused) {
 /// Turned further by some degrees, as parallax turns what the images tell.
 Eigen::Quaterniond ImageRotation(const Rigid3d& second_from_first, double off_deg) {
   return (ExpSO3(off_deg * kDegree * Eigen::Vector3d(0.6, 0.8, 0)) * second_from_first.rotation).normalized();
+}
+
+/// Towards and along a tilted wall: what one pair leaves open, pairs in several directions tell.
+TEST(ReconstructTwoViewsTest, AWallsTrueMotionIsToldByPairsOfOneFirstView) {
+  PlaneWitness witness;
+  const Scene wall = Plane({0.5, 0.2, 1}, 10);
+  Rigid3d motion;
+  Result<TwoViewReconstruction> result = Error{"none"};
+  int pairs = 0;
+  for (; pairs < 8 && !result.ok(); ++pairs) {
+    motion = Rigid3d(ExpSO3({0.01, 0.02 + 0.01 * pairs, 0.02}), {-0.4 * pairs, 0.05 * pairs, -2});
+    result = ReconstructTwoViews(Observe(wall, motion, 400, 0.1, 40 + pairs), WideCamera(), WideCamera(), {},
+                                 ImageRotation(motion, 5), &witness);
+  }
+  EXPECT_GT(pairs, 2) << "two say nothing";
+  ASSERT_TRUE(result.ok()) << result.error().message;
+  EXPECT_LT(result->second_from_first.rotation.angularDistance(motion.rotation), 0.5 * kDegree);
+  EXPECT_LT(DirectionError(result->second_from_first.translation, motion.translation), 2 * kDegree);
 }
 
 TEST(ReconstructTwoViewsTest, TheImagesRotationLeadsToTheMotionThatRansacMisses) {
