@@ -46,7 +46,7 @@ constexpr Metric kMetrics[] = {
     {"fusions", "map_fusions_total", "Maps that became one."},
     {"indexed_keyframes", "indexed_keyframes", "Keyframes among which loops are looked for."},
     {"loops", "loops_closed_total", "Loops that were closed."},
-    {"loop_candidates", "loop_candidates_total", "Places that were verified as the end of a loop."},
+    {"loop_candidates", "loop_candidates_total", "Keyframes that by their words may show a place again."},
     {"loop_refusals", "loops_refused_total", "Loops that were verified and refused."},
     {"global_ba", "global_adjustments_total", "Global bundle adjustments."},
     {"forward_ba", "forward_adjustments_total", "Forward bundle adjustments."},

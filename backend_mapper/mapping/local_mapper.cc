@@ -54,8 +54,10 @@ LocalMapper::LocalMapper(const MapperOptions& options, Map map, Epoch epoch, IdM
 Status LocalMapper::Initialize(KeyFramePtr first, KeyFramePtr second, const KeyFrameMessage& message) {
   if (!map_.keyframes().empty()) return Error{"map " + ToString(map_.id()) + " is initialised already"};
   if (first->id == second->id) return Error{"map initialisation: both keyframes are " + ToString(first->id)};
+  if (first->stamp.ns != witnessed_first_.ns) plane_witness_.Clear();  // sent again it has another id
+  witnessed_first_ = first->stamp;
   const auto structure = ReconstructInitialStructure(*first, *second, message.initial_matches, options_.initialization,
-                                                     message.camera_from_map);
+                                                     message.camera_from_map, &plane_witness_);
   if (!structure.ok()) return structure.error();
   const KeyFrameId first_id = first->id, second_id = second->id;
   map_.AddKeyFrame(std::move(first), Rigid3d(), KeyFrameId());
@@ -243,11 +245,16 @@ void LocalMapper::PublishSnapshot() {
 Status LocalMapper::ApplyCorrection(const MapCorrection& correction) {
   if (correction.made_from_revision < last_residual_)
     return Error{"it was made before the calibration's residual was taken out"};
+  // Its poses are absolute: they would undo the other's. A fusion moves nothing of this map: what it brought follows.
+  if (correction.made_from_revision < moved_revision_) {
+    return Error{"it was made from revision " + std::to_string(correction.made_from_revision) +
+                 ", the map was corrected at " + std::to_string(moved_revision_)};
+  }
   const auto merges = ApplyMapCorrection(correction, &map_);
   if (!merges.ok()) return merges.error();
   NoteMerges(merges.value());
   PublishChanges();
-  corrected_revision_ = map_.revision();
+  corrected_revision_ = moved_revision_ = map_.revision();
   return Ok{};
 }
 

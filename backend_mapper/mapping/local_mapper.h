@@ -10,6 +10,8 @@
 #include "base/ids.h"
 #include "base/result.h"
 #include "base/statistics.h"
+#include "base/time.h"
+#include "geometry/plane_witness.h"
 #include "map/map.h"
 #include "map/protocol.h"
 #include "mapping/lens_refinement.h"
@@ -90,7 +92,8 @@ class LocalMapper {
   Status TakeResidual(const CameraResidual& known, const MapCorrection& adaptation);
 
   /// Applies a proposal of another process and publishes it; fails, changing nothing, when it does not fit (see
-  /// ApplyMapCorrection) or was made before the map's features changed (TakeResidual).
+  /// ApplyMapCorrection), or was made before the last one was applied, or before the map's features changed
+  /// (TakeResidual).
   Status ApplyCorrection(const MapCorrection& correction);
   /// Takes another map in whole, by a proposal to fuse them, and publishes it; what names landmarks and keyframes that
   /// had gone from the other map finds what stands for them here. Fails, changing nothing, when the proposal does not
@@ -113,9 +116,12 @@ class LocalMapper {
   IdMinter<MapPointId>* point_ids_;
   Publish publish_;
   StageTimes stage_times_;
-  KeyFrameId newest_;  // the keyframe that the steps work on
+  PlaneWitness plane_witness_;  // while the map is to begin: of the first keyframe offered last
+  Timestamp witnessed_first_;   // that keyframe's
+  KeyFrameId newest_;           // the keyframe that the steps work on
   PointProbation probation_;
-  Revision corrected_revision_ = 0;  // the map's revision after the last correction
+  Revision corrected_revision_ = 0;  // the map's revision after the last correction or fusion
+  Revision moved_revision_ = 0;      // after the last correction
   Revision last_residual_ = 0;       // after TakeResidual
   // Number of keyframes; a map taken over may hold frames from before and after a refinement.
   int next_lens_refinement_;

@@ -252,6 +252,28 @@ TEST_F(Mapper, AppliesACorrectionAndPublishesIt) {
   EXPECT_FALSE(mapper_->ApplyCorrection(correction).ok());
 }
 
+/// A mapper that hung has two of them in its queue: the loop, and what was made from the map without it when nobody had
+/// answered for the loop.
+TEST_F(Mapper, RefusesACorrectionFromBeforeTheLastOne) {
+  RunAll();
+  const auto moved_by = [&](const std::string& kind, double x) {
+    MapCorrection correction = EmptyCorrection(mapper_->map(), kind);
+    for (const auto& [id, keyframe] : mapper_->map().keyframes()) {
+      correction.keyframes.push_back(
+          {id, Sim3d(keyframe.camera_from_map) * Sim3d(1, Eigen::Quaterniond::Identity(), {x, 0, 0})});
+    }
+    return correction;
+  };
+  const MapCorrection loop = moved_by("loop", 0.5), stale = moved_by("global_ba", 0);
+  ASSERT_TRUE(mapper_->ApplyCorrection(loop).ok());
+  const uint64_t with_loop = HashMap(mapper_->map());
+  const Status undone = mapper_->ApplyCorrection(stale);
+  ASSERT_FALSE(undone.ok());
+  EXPECT_THAT(undone.error().message, HasSubstr("the map was corrected at"));
+  EXPECT_EQ(HashMap(mapper_->map()), with_loop);
+  EXPECT_TRUE(mapper_->ApplyCorrection(moved_by("global_ba", 0.1)).ok()) << "made anew, from the map with the loop";
+}
+
 /// A second map of the same place, by the same process: every second view, in a frame of its own.
 class FusingMapper : public Mapper {
  protected:
@@ -344,6 +366,23 @@ TEST_F(FusingMapper, RefusesAProposalFromBeforeACorrection) {
   const auto again = Propose();
   ASSERT_TRUE(again.ok());
   EXPECT_TRUE(mapper_->TakeIn(*other_, *again).ok());
+}
+
+/// A fusion leaves this map's keyframes where they are, and hangs the other's on them.
+TEST_F(FusingMapper, ACorrectionFromBeforeAFusionTakesTheOtherMapAlong) {
+  const auto fusion = Propose();
+  ASSERT_TRUE(fusion.ok());
+  const Sim3d new_from_old(1.5, ExpSO3({0, 0.1, 0}), {1, 0, 0});
+  MapCorrection loop = EmptyCorrection(mapper_->map(), "loop");
+  for (const auto& [id, keyframe] : mapper_->map().keyframes())
+    loop.keyframes.push_back({id, Sim3d(keyframe.camera_from_map) * new_from_old.Inverse()});
+  ASSERT_TRUE(mapper_->TakeIn(*other_, *fusion).ok());
+  const KeyFrameId others = other_->map().keyframes().rbegin()->first;
+  const auto centre = [&] { return mapper_->map().keyframe(others).camera_from_map.TargetOriginInSource(); };
+  const Eigen::Vector3d before = centre();
+  const Status applied = mapper_->ApplyCorrection(loop);
+  ASSERT_TRUE(applied.ok()) << applied.error().message;
+  EXPECT_LT((centre() - new_from_old * before).norm(), 1e-6);
 }
 
 TEST_F(FusingMapper, RefusesAProposalFromBeforeTheMapsFeaturesChanged) {

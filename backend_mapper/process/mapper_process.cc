@@ -325,13 +325,15 @@ void MapperProcess::SendSnapshots() {
 void MapperProcess::OnCorrection(const MapCorrection& correction) {
   const auto mapper = mappers_.find(correction.map);
   if (mapper == mappers_.end()) return;
-  ++corrections_;
   const Status applied = IsDrained()                   ? Status(Error{"the map is about to pass on to another mapper"})
                          : correction.kind == "fusion" ? Fuse(correction)
                                                        : mapper->second->ApplyCorrection(correction);
-  if (!applied)
+  if (applied) {
+    ++corrections_;
+  } else {
     spdlog::warn("correction {} of {} refused: {}", correction.number, ToString(correction.process),
                  applied.error().message);
+  }
   state_.correction_process = correction.process;
   state_.correction_number = correction.number;
   state_.correction_refusal = applied ? "" : applied.error().message;

@@ -97,7 +97,10 @@ Status RefineFollowers(const Map& map, const std::unordered_set<KeyFrameId>& hel
       if (IsRaised(stop)) return Error{"interrupted"};
       if (held.count(keyframe.id) == 0) refinement.RefineKeyFrame(keyframe.id, options.min_landmarks);
     }
-    for (const MapPointId id : refinement.point_ids()) refinement.RefinePoint(id);
+    for (const MapPointId id : refinement.point_ids()) {
+      if (IsRaised(stop)) return Error{"interrupted"};
+      refinement.RefinePoint(id);
+    }
   }
   if (IsRaised(stop)) return Error{"interrupted"};
   for (auto& keyframe : correction->keyframes) {

@@ -23,7 +23,8 @@ std::vector<KeyFrameId> AllKeyFrames(const Map& map) {
 }  // namespace
 
 Result<MapCorrection> AdjustGlobally(const Map& map, const KeyFrameAdjustmentOptions& options,
-                                     const std::atomic<bool>* stop, StageTimes* times) {
+                                     const std::atomic<bool>* stop, StageTimes* times,
+                                     std::optional<LossChange>* losses) {
   const Stopwatch watch;
   const std::vector<KeyFrameId> ids = AllKeyFrames(map);
   auto adjusted = AdjustKeyFrames(map, ids, options, stop);
@@ -37,7 +38,7 @@ Result<MapCorrection> AdjustGlobally(const Map& map, const KeyFrameAdjustmentOpt
     held.insert(id);
   }
   correction.points = std::move(adjusted->points);
-  if (Status done = CompleteCorrection(map, held, options.followers, stop, &correction); !done.ok()) {
+  if (Status done = CompleteCorrection(map, held, options.followers, stop, &correction, losses); !done.ok()) {
     return Error{"global BA: " + done.error().message};
   }
   if (times != nullptr) times->Add("global_ba", watch.Milliseconds());

@@ -56,9 +56,13 @@ TEST_F(GlobalBundleTest, ExactFeaturesLeadToTheTruth) {
   options_.landmarks_per_keyframe = 1000;
   options_.max_iterations = 30;
   options_.function_tolerance = 1e-9;
-  const auto correction = AdjustGlobally(map_, options_, nullptr, nullptr);
+  std::optional<LossChange> losses;
+  const auto correction = AdjustGlobally(map_, options_, nullptr, nullptr, &losses);
   ASSERT_TRUE(correction.ok()) << correction.error().message;
   EXPECT_THAT(Corrected(*correction), MapNear(scene_, MapTolerance{2e-4, 2e-3, 2e-2}));
+  ASSERT_TRUE(losses);
+  EXPECT_DOUBLE_EQ(losses->with, MeanReprojectionLoss(Corrected(*correction)));
+  EXPECT_GT(losses->without, losses->with);
 }
 
 TEST_F(GlobalBundleTest, AFewLandmarksOfEachKeyFrameAreEnoughForThePoses) {
@@ -130,9 +134,12 @@ TEST_F(GlobalBundleTest, WhatMakesTheMapWorseIsRefused) {
     correction.keyframes.push_back({id, Sim3d(Rigid3d({1, 0, 0, 0}, {shift, 0, 0}) * keyframe.camera_from_map)});
     held.insert(id);
   }
-  const Status done = CompleteCorrection(map_, held, options_.followers, nullptr, &correction);
+  std::optional<LossChange> losses;
+  const Status done = CompleteCorrection(map_, held, options_.followers, nullptr, &correction, &losses);
   ASSERT_FALSE(done.ok());
   EXPECT_THAT(done.error().message, HasSubstr("loss would be"));
+  ASSERT_TRUE(losses) << "told also where there is no improvement";
+  EXPECT_GT(losses->with, losses->without);
 }
 
 TEST_F(GlobalBundleTest, RefusesASmallMap) {

@@ -49,10 +49,17 @@ BundleWindow MakeWindow(const Map& map, const std::vector<KeyFrameId>& keyframes
   return window;
 }
 
-/// Mean reprojection loss of the map once the correction is applied.
-double LossAfter(const MapCorrection& correction, const Map& map) {
+bool IsRaised(const std::atomic<bool>* stop) {
+  return stop != nullptr && stop->load(std::memory_order_relaxed);
+}
+
+/// Mean reprojection loss of the map once the correction is applied; "interrupted".
+Result<double> LossAfter(const MapCorrection& correction, const Map& map, const std::atomic<bool>* stop) {
+  if (IsRaised(stop)) return Error{"interrupted"};
   Map corrected = map;
+  if (IsRaised(stop)) return Error{"interrupted"};
   const auto applied = ApplyMapCorrection(correction, &corrected);
+  if (IsRaised(stop)) return Error{"interrupted"};
   return applied.ok() ? MeanReprojectionLoss(corrected) : std::numeric_limits<double>::infinity();
 }
 
@@ -131,7 +138,7 @@ void KeepFrame(const Map& map, MapCorrection* correction) {
 }
 
 Status CompleteCorrection(const Map& map, const std::unordered_set<KeyFrameId>& held, const FollowerOptions& options,
-                          const std::atomic<bool>* stop, MapCorrection* correction) {
+                          const std::atomic<bool>* stop, MapCorrection* correction, std::optional<LossChange>* losses) {
   MapCorrection reference = EmptyCorrection(map, correction->kind);
   for (const auto& keyframe : correction->keyframes) {
     reference.keyframes.push_back({keyframe.id, Sim3d(map.keyframe(keyframe.id).camera_from_map)});
@@ -139,10 +146,14 @@ Status CompleteCorrection(const Map& map, const std::unordered_set<KeyFrameId>& 
   if (Status refined = RefineFollowers(map, held, options, stop, correction); !refined.ok()) return refined;
   if (Status refined = RefineFollowers(map, held, options, stop, &reference); !refined.ok()) return refined;
   KeepFrame(map, correction);
-  const double without = LossAfter(reference, map), with = LossAfter(*correction, map);
-  if (with < without) return Ok{};
-  return Error{"the mean reprojection loss would be " + std::to_string(with) + ", without it " +
-               std::to_string(without)};
+  const auto without = LossAfter(reference, map, stop);
+  if (!without.ok()) return without.error();
+  const auto with = LossAfter(*correction, map, stop);
+  if (!with.ok()) return with.error();
+  if (losses != nullptr) *losses = LossChange{*without, *with};
+  if (*with < *without) return Ok{};
+  return Error{"the mean reprojection loss would be " + std::to_string(*with) + ", without it " +
+               std::to_string(*without)};
 }
 
 }  // namespace portolan

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <atomic>
+#include <optional>
 #include <unordered_map>
 #include <unordered_set>
 #include <vector>
@@ -52,11 +53,19 @@ Result<AdjustedKeyFrames> AdjustKeyFrames(const Map& map, const std::vector<KeyF
 /// list nothing is done.
 void KeepFrame(const Map& map, MapCorrection* correction);
 
+/// What CompleteCorrection compares: mean reprojection losses of the map, refined in the same way.
+struct LossChange {
+  double without = 0;  ///< the correction
+  double with = 0;
+};
+
 /// Makes a correction of the whole map of one that has all its keyframes and the points of the BA: followers refined
 /// (those not `held`), frame and scale kept.
 /// @return why it is none: "interrupted", or no improvement: the map must agree better with all observations, not only
-/// those that were optimised, than it does when it is refined in the same way without the correction.
+/// those that were optimised, than it does when it is refined in the same way without the correction. `losses` (may be
+/// null) gets what was compared, if it came to that.
 Status CompleteCorrection(const Map& map, const std::unordered_set<KeyFrameId>& held, const FollowerOptions& options,
-                          const std::atomic<bool>* stop, MapCorrection* correction);
+                          const std::atomic<bool>* stop, MapCorrection* correction,
+                          std::optional<LossChange>* losses = nullptr);
 
 }  // namespace portolan

@@ -8,9 +8,16 @@
 #include "transport/priority.h"
 
 namespace portolan {
+namespace {
+
+constexpr double kCollectPeriodS = 0.25;  // only where the queue was full: the process is busy for longer then
+
+}  // namespace
 
 BackgroundWork::BackgroundWork(ProcessLoop* loop, int nice_steps)
-    : loop_(loop), thread_([this, nice_steps] { RunJobs(nice_steps); }) {}
+    : loop_(loop), thread_([this, nice_steps] { RunJobs(nice_steps); }) {
+  loop_->AddTimer(kCollectPeriodS, [this] { Collect(); });
+}
 
 BackgroundWork::~BackgroundWork() {
   Cancel();
@@ -55,14 +62,25 @@ void BackgroundWork::RunJobs(int nice_steps) {
     Event event = job(stop_);
     job = nullptr;   // with the snapshot it holds, before the owner thread goes on
     malloc_trim(0);  // big jobs leave much of the heap empty
-    loop_->Post([this, event = std::move(event)] { OnDone(event); });
+    {
+      const std::lock_guard lock(mutex_);
+      ended_ = std::move(event);
+    }
+    loop_->Post([this] { Collect(); });  // refused by a full queue: then the timer does
   }
 }
 
-void BackgroundWork::OnDone(const Event& event) {
+/// Whoever comes first, the posted event or the timer, finds the job's end; the other finds nothing.
+void BackgroundWork::Collect() {
+  std::optional<Event> event;
+  {
+    const std::lock_guard lock(mutex_);
+    event = std::exchange(ended_, std::nullopt);
+  }
+  if (!event) return;
   busy_ = false;
   const Event on_cancelled = std::exchange(on_cancelled_, nullptr);
-  if (const Event& what = cancelled_ ? on_cancelled : event) what();
+  if (const Event& what = cancelled_ ? on_cancelled : *event) what();
 }
 
 }  // namespace portolan

@@ -4,6 +4,7 @@
 #include <condition_variable>
 #include <functional>
 #include <mutex>
+#include <optional>
 #include <thread>
 
 #include "transport/process_loop.h"
@@ -12,7 +13,7 @@ namespace portolan {
 
 /// Long work beside a process's owner thread: one job at a time, on a thread of its own behind the rest of the process.
 /// A job works on what it took with it (an immutable snapshot) and comes back as an event, which the loop runs on the
-/// owner thread.
+/// owner thread: soon, or, where the loop's queue was full, with the next turn of a timer.
 ///
 ///   BackgroundWork background(&loop, 4);
 ///   background.Start([snapshot](const std::atomic<bool>& stop) {
@@ -26,7 +27,8 @@ class BackgroundWork {
   using Event = std::function<void()>;
   using Job = std::function<Event(const std::atomic<bool>& stop)>;
 
-  /// @param loop must outlive this object. @param nice_steps behind the owner thread, 1 or more.
+  /// Before the loop runs. @param loop must outlive this object, and not run after it. @param nice_steps behind the
+  /// owner thread, 1 or more.
   BackgroundWork(ProcessLoop* loop, int nice_steps);
   /// Cancels, and waits for the job to notice.
   ~BackgroundWork();
@@ -43,7 +45,7 @@ class BackgroundWork {
 
  private:
   void RunJobs(int nice_steps);
-  void OnDone(const Event& event);
+  void Collect();
 
   ProcessLoop* loop_;
   bool busy_ = false;       // owner thread's
@@ -51,10 +53,11 @@ class BackgroundWork {
   std::atomic<bool> stop_{false};
   std::mutex mutex_;
   std::condition_variable changed_;
-  Event on_cancelled_;  // owner thread's
-  Job next_;            // guarded by mutex_
-  bool end_ = false;    // guarded by mutex_
-  std::thread thread_;  // last: starts when the rest is there
+  Event on_cancelled_;          // owner thread's
+  Job next_;                    // guarded by mutex_
+  std::optional<Event> ended_;  // guarded by mutex_: of the job that has ended, until it is collected
+  bool end_ = false;            // guarded by mutex_
+  std::thread thread_;          // last: starts when the rest is there
 };
 
 }  // namespace portolan

@@ -64,6 +64,24 @@ TEST(BackgroundWork, ACancelledJobIsToldAndNotHeard) {
   EXPECT_TRUE(told);
 }
 
+TEST(BackgroundWork, AJobsEndIsNotLostToAFullQueue) {
+  ProcessLoop loop(1);
+  BackgroundWork background(&loop, 1);
+  bool heard = false;
+  ASSERT_TRUE(loop.Post([] {}));  // the queue is full now
+  background.Start([&](const std::atomic<bool>&) {
+    return [&] {
+      heard = true;
+      loop.Stop();
+    };
+  });
+  while (loop.dropped() == 0) std::this_thread::yield();
+  loop.AddTimer(30, [&] { loop.Stop(); });  // where it is lost
+  loop.Run();
+  EXPECT_TRUE(heard);
+  EXPECT_FALSE(background.busy()) << "the next one can be started";
+}
+
 TEST(BackgroundWork, EndsWithAJobUnderWay) {
   ProcessLoop loop(16);
   std::atomic<bool> started{false};

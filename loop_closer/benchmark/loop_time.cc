@@ -209,7 +209,7 @@ class Benchmark {
 
   void PrintTable() const {
     const ClosureRecord& loop = closer_.closures().front();
-    const LoopCloser::Counters& counters = closer_.counters();
+    const LoopCounters& counters = closer_.counters();
     fmt::print(
         "{} keyframes, {} points; {} keyframes looked at, {} candidates, {} refused; {} closes the loop with {}\n",
         owner_.keyframes().size(), owner_.points().size(), counters.looked_at, counters.candidates, counters.refused,

@@ -78,7 +78,7 @@ std::vector<KeyFrameId> FindForwardPoseTree(const Map& map, KeyFrameId current, 
 Result<MapCorrection> AdjustForward(const Map& map, KeyFrameId current,
                                     const std::vector<std::pair<KeyFrameId, KeyFrameId>>& loop_edges,
                                     const ForwardBundleOptions& options, const std::atomic<bool>* stop,
-                                    StageTimes* times) {
+                                    StageTimes* times, std::optional<LossChange>* losses) {
   const Stopwatch watch;
   if (map.FindKeyFrame(current) == nullptr) return Error{"FBA: keyframe " + ToString(current) + " is not in the map"};
   std::vector<KeyFrameId> tree = FindForwardPoseTree(map, current, options);
@@ -94,7 +94,7 @@ Result<MapCorrection> AdjustForward(const Map& map, KeyFrameId current,
   for (const KeyFrameId id : graph.keyframes) correction.keyframes.push_back({id, graph.camera_from_map(id)});
   correction.points = std::move(adjusted->points);
   // None is held: those of the tree, too, fit in better with all that they see than with what BA used of it.
-  if (Status done = CompleteCorrection(map, {}, options.adjustment.followers, stop, &correction); !done.ok()) {
+  if (Status done = CompleteCorrection(map, {}, options.adjustment.followers, stop, &correction, losses); !done.ok()) {
     return Error{"FBA: " + done.error().message};
   }
   if (times != nullptr) times->Add("fba", watch.Milliseconds());

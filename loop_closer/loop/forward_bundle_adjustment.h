@@ -1,6 +1,7 @@
 #pragma once
 
 #include <atomic>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -34,10 +35,10 @@ std::vector<KeyFrameId> FindForwardPoseTree(const Map& map, KeyFrameId current, 
 /// @param loop_edges of loops closed earlier.
 /// @return the proposal, kind "fba"; or why there is none: an unknown keyframe, too small a tree, no improvement over
 /// all observations of the map, "interrupted". `stop` (may be null) ends it after the current iteration, without a
-/// result. `times` (may be null) gets fba. Deterministic.
+/// result. `times` (may be null) gets fba; `losses` (may be null): see CompleteCorrection. Deterministic.
 Result<MapCorrection> AdjustForward(const Map& map, KeyFrameId current,
                                     const std::vector<std::pair<KeyFrameId, KeyFrameId>>& loop_edges,
                                     const ForwardBundleOptions& options, const std::atomic<bool>* stop,
-                                    StageTimes* times);
+                                    StageTimes* times, std::optional<LossChange>* losses = nullptr);
 
 }  // namespace portolan

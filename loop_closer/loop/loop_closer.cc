@@ -1,28 +1,17 @@
 #include "loop/loop_closer.h"
 
-#include <spdlog/spdlog.h>
-
 #include <algorithm>
 #include <utility>
 
 namespace portolan {
 namespace {
 
-constexpr size_t kMaxRefusals = 500;  // kept for the report
 constexpr int kMaxForwardPatience = 8;
+constexpr int kMaxGlobalRefusals = 2;  // in a row: the map that the next one is made from is no longer the cause
+constexpr size_t kMaxForgotten = 8;    // proposals that may still be answered
 constexpr const char* kPassedOn = "the map has another owner, or is no more";
-
-const char* Name(LoopCloser::JobKind kind) {
-  switch (kind) {
-    case LoopCloser::JobKind::kLoop:
-      return "loop correction";
-    case LoopCloser::JobKind::kGlobalBundleAdjustment:
-      return "global BA";
-    case LoopCloser::JobKind::kForwardBundleAdjustment:
-      return "FBA";
-  }
-  return "";
-}
+constexpr const char* kCorrected = "the map was corrected meanwhile";
+constexpr const char* kRunEnded = "the run ended";
 
 }  // namespace
 
@@ -53,10 +42,10 @@ void LoopCloser::OnMapperState(const MapperState& state) {
   if (!options_.enabled || !is_active_) return NoteLookedAt(state.map, state.last_keyframe);
   if (state.last_keyframe == last_keyframe_ || (!ready_.empty() && ready_.back().keyframe == state.last_keyframe))
     return;
-  ready_.push_back({state.map, state.last_keyframe, state.revision});
+  ready_.push_back({state.map, state.last_keyframe, state.epoch, state.revision});
   while (static_cast<int>(ready_.size()) > options_.max_waiting) {
     ready_.pop_front();
-    ++counters_.passed_over;
+    journal_.NotePassedOver();
   }
 }
 
@@ -95,7 +84,7 @@ void LoopCloser::OnFused(MapId map, MapId other) {
   auto& edges = loop_edges_[map];
   edges.insert(edges.end(), loop_edges_[other].begin(), loop_edges_[other].end());
   for (Ready& ready : ready_) {
-    if (ready.map == other) ready = {map, ready.keyframe, 1};  // revisions of two maps say nothing of each other
+    if (ready.map == other) ready = {map, ready.keyframe, 0, 1};  // revisions of two maps say nothing of each other
   }
   DropWork(other, "the map is part of " + ToString(map) + " now");
   if (is_active_ && is_followed && IsMine(map) && options_.enabled && options_.global_ba) wants_global_ = map;
@@ -114,19 +103,22 @@ void LoopCloser::DropWork(MapId map, const std::string& reason) {
     detector_.Reset();
   }
   if (proposal_ && proposal_->map == map) ForgetCorrection(reason);
+  forgotten_.erase(std::remove_if(forgotten_.begin(), forgotten_.end(),
+                                  [&](const Proposal& proposal) { return proposal.map == map; }),
+                   forgotten_.end());
   if (outbox_ && outbox_->map == map) outbox_.reset();
-  if (closing_ && closing_map_ == map && !running_) FinishClosure(reason);
+  if (closing_ && closing_->map == map && !running_) FinishClosure(reason);
 }
 
 /// Whether it is here, and its owner will listen.
 bool LoopCloser::IsAtHand(MapId map) const {
-  return IsMine(map) && Has(map, 1);
+  return IsMine(map) && Has(map, 0, 1);
 }
 
 /// Whether its delta is here, or will never come.
 bool LoopCloser::IsReady(const Ready& ready) const {
   return ready.revision == 0 || !IsMine(ready.map) || !follower_.IsFollowed(ready.map) ||
-         Has(ready.map, ready.revision);
+         Has(ready.map, ready.epoch, ready.revision);
 }
 
 bool LoopCloser::Update() {
@@ -139,15 +131,17 @@ bool LoopCloser::Update() {
   return !ready_.empty();
 }
 
-bool LoopCloser::Has(MapId map, Revision revision) const {
-  const auto maps = follower_.Maps();
-  return std::find(maps.begin(), maps.end(), map) != maps.end() && follower_.map(map).revision() >= revision;
+/// Whether the replica is so far. A later epoch is, at whatever revision: its owner may have begun with less.
+bool LoopCloser::Has(MapId id, Epoch epoch, Revision revision) const {
+  const Map* map = follower_.Find(id);
+  if (map == nullptr) return false;
+  return map->epoch() == epoch ? map->revision() >= revision : map->epoch() > epoch;
 }
 
 /// Whether the replica has the last correction, or the map is another's by now.
 bool LoopCloser::IsSettled() const {
   return !corrected_map_.IsValid() || !IsMine(corrected_map_) || !follower_.IsFollowed(corrected_map_) ||
-         Has(corrected_map_, corrected_revision_);
+         Has(corrected_map_, corrected_epoch_, corrected_revision_);
 }
 
 void LoopCloser::NoteLookedAt(MapId map, KeyFrameId keyframe) {
@@ -162,83 +156,68 @@ void LoopCloser::LookAt(const Ready& ready) {
   if (map.FindKeyFrame(ready.keyframe) == nullptr) return;  // refused, or pruned since
   if (ready.map != detector_map_) detector_.Reset();
   detector_map_ = ready.map;
-  ++counters_.looked_at;
+  detector_keyframe_ = ready.keyframe;
   ++keyframes_since_forward_;
-  const LoopDetection detection = detector_.Detect(map, ready.keyframe, follower_.index(), &times_);
-  counters_.candidates += static_cast<uint64_t>(detection.candidates);
-  counters_.consistent += static_cast<uint64_t>(detection.consistent);
-  counters_.confirmed += detection.confirmed ? 1 : 0;
-  NoteRefusals(map, detection.refusals);
-  if (detection.confirmed) {
-    spdlog::info("loop: {} sees the place of {} ({} landmarks){}", ToString(ready.keyframe),
-                 ToString(detection.confirmed->matched), detection.confirmed->place.group_inliers,
-                 detection.loop ? "" : "; waits for another keyframe to say the same");
-  }
-  if (detection.loop) OnLoop(map, *detection.loop);
+  StageTimes times;
+  const LoopDetection detection = detector_.Detect(map, ready.keyframe, follower_.index(), &times);
+  KeepTimes(times);
+  journal_.NoteDetection(map, ready.keyframe, detection);
+  if (!detection.loop) return;
+  closing_ = Closing{*detection.loop, map.id(), journal_.OpenClosure(map, *detection.loop, times), {}, {}};
 }
 
-void LoopCloser::NoteRefusals(const Map& map, const std::vector<LoopRefusal>& refusals) {
-  for (const LoopRefusal& refusal : refusals) {
-    spdlog::debug("loop: {} (frame {}) is not {} (frame {}): {}", ToString(refusal.current),
-                  map.keyframe(refusal.current).data->frame, ToString(refusal.candidate),
-                  map.keyframe(refusal.candidate).data->frame, refusal.reason);
-    refusals_.push_back(refusal);
-    if (refusals_.size() > kMaxRefusals) refusals_.pop_front();
-    ++counters_.refused;
+void LoopCloser::KeepTimes(const StageTimes& times) {
+  for (const auto& [stage, samples] : times.samples()) {
+    for (const double sample : samples) times_.Add(stage, sample);
   }
-}
-
-void LoopCloser::OnLoop(const Map& map, const DetectedLoop& loop) {
-  closing_ = loop;
-  closing_map_ = map.id();
-  since_detection_.Restart();
-  ClosureRecord record;
-  record.current = loop.current;
-  record.matched = loop.matched;
-  record.stamp = map.keyframe(loop.current).data->stamp;
-  record.matched_stamp = map.keyframe(loop.matched).data->stamp;
-  record.corrected_from_map = loop.corrected_from_map;
-  record.inliers = loop.place.inliers;
-  record.group_inliers = loop.place.group_inliers;
-  spdlog::info("loop: frame {} closes with frame {}: scale {:.3f}, {} inliers, {} landmarks seen again",
-               map.keyframe(loop.current).data->frame, map.keyframe(loop.matched).data->frame,
-               loop.corrected_from_map.scale, loop.place.inliers, loop.place.group_inliers);
-  closures_.push_back(std::move(record));
 }
 
 bool LoopCloser::IsForwardDue() const {
   return options_.enabled && is_active_ && options_.forward_ba && ready_.empty() && IsMine(detector_map_) &&
          follower_.IsUpToDate(detector_map_) &&
-         keyframes_since_forward_ >= forward_patience_ * options_.forward_every_keyframes;
+         keyframes_since_forward_ >= forward_patience_ * options_.forward_every_keyframes && ForwardStart().IsValid();
+}
+
+/// The last keyframe that was looked at in the detector's map; where it was pruned since, the newest of its tracker
+/// before it, if there is any.
+KeyFrameId LoopCloser::ForwardStart() const {
+  const auto& keyframes = follower_.map(detector_map_).keyframes();
+  const auto after = keyframes.upper_bound(detector_keyframe_);
+  if (after == keyframes.begin()) return KeyFrameId();
+  const KeyFrameId start = std::prev(after)->first;
+  const bool is_of_its_tracker =
+      start.robot() == detector_keyframe_.robot() && start.session() == detector_keyframe_.session();
+  return is_of_its_tracker ? start : KeyFrameId();
 }
 
 std::optional<LoopCloser::Job> LoopCloser::NextJob() {
   if (running_ || proposal_ || outbox_ || !IsSettled()) return std::nullopt;
-  if (closing_ && !IsAtHand(closing_map_)) FinishClosure(kPassedOn);
-  if (closing_) return MakeJob(JobKind::kLoop, closing_map_);
+  if (closing_ && !IsAtHand(closing_->map)) FinishClosure(kPassedOn);
+  if (closing_) return MakeJob(JobKind::kLoop, closing_->map);
   if (wants_global_ && !IsMine(*wants_global_)) wants_global_.reset();
   if (wants_global_ && follower_.IsUpToDate(*wants_global_)) {
     return MakeJob(JobKind::kGlobalBundleAdjustment, *std::exchange(wants_global_, std::nullopt));
   }
   if (!IsForwardDue()) return std::nullopt;
-  keyframes_since_forward_ = 0;
+  keyframes_before_forward_ = std::exchange(keyframes_since_forward_, 0);
   return MakeJob(JobKind::kForwardBundleAdjustment, detector_map_);
 }
 
 LoopCloser::Job LoopCloser::MakeJob(JobKind kind, MapId map) {
   auto snapshot = std::make_shared<const Map>(follower_.map(map));
-  running_ = Running{kind, map, snapshot->epoch()};
+  running_ = Running{kind, map, snapshot->epoch(), snapshot->revision()};
+  journal_.NoteTried(kind);
   JobResult result;
   result.kind = kind;
   result.map = map;
   switch (kind) {
     case JobKind::kLoop: {
       LoopClosure loop;
-      loop.current = closing_->current;
-      loop.matched = closing_->matched;
-      loop.current_from_matched = closing_->place.query_from_candidate;
-      loop.seen = closing_->place.seen;
-      loop.merges = closing_->place.matches;
+      loop.current = closing_->loop.current;
+      loop.matched = closing_->loop.matched;
+      loop.current_from_matched = closing_->loop.place.query_from_candidate;
+      loop.seen = closing_->loop.place.seen;
+      loop.merges = closing_->loop.place.matches;
       loop.earlier_edges = loop_edges_[map];
       return [snapshot, loop, options = options_.correction, result](const std::atomic<bool>& stop) mutable {
         result.correction = CorrectLoop(*snapshot, loop, options, &stop, &result.times);
@@ -247,15 +226,15 @@ LoopCloser::Job LoopCloser::MakeJob(JobKind kind, MapId map) {
     }
     case JobKind::kGlobalBundleAdjustment:
       return [snapshot, options = options_.global, result](const std::atomic<bool>& stop) mutable {
-        result.correction = AdjustGlobally(*snapshot, options, &stop, &result.times);
+        result.correction = AdjustGlobally(*snapshot, options, &stop, &result.times, &result.losses);
         return result;
       };
     case JobKind::kForwardBundleAdjustment:
       break;
   }
-  return [snapshot, from = last_keyframe_, edges = loop_edges_[map], options = options_.forward,
+  return [snapshot, from = ForwardStart(), edges = loop_edges_[map], options = options_.forward,
           result](const std::atomic<bool>& stop) mutable {
-    result.correction = AdjustForward(*snapshot, from, edges, options, &stop, &result.times);
+    result.correction = AdjustForward(*snapshot, from, edges, options, &stop, &result.times, &result.losses);
     return result;
   };
 }
@@ -263,39 +242,48 @@ LoopCloser::Job LoopCloser::MakeJob(JobKind kind, MapId map) {
 bool LoopCloser::ShouldCancel() const {
   if (!running_) return false;
   if (running_->kind != JobKind::kLoop && (closing_ || !is_active_)) return true;
-  if (!IsAtHand(running_->map)) return true;
+  if (!IsAtHand(running_->map) || IsOutdated(*running_)) return true;
   return follower_.map(running_->map).epoch() != running_->epoch;
 }
 
+/// Whether an answer that came late tells of a correction that its snapshot is without.
+bool LoopCloser::IsOutdated(const Running& running) const {
+  return running.map == corrected_map_ && running.epoch == corrected_epoch_ && running.revision < corrected_revision_;
+}
+
 void LoopCloser::OnJobCancelled() {
-  ++counters_.cancelled;
   const Running cancelled = *std::exchange(running_, std::nullopt);
-  spdlog::info("{} of map {} cancelled", Name(cancelled.kind), ToString(cancelled.map));
-  if (cancelled.kind == JobKind::kLoop) {
-    FinishClosure(kPassedOn);
-  } else if (is_active_ && cancelled.kind == JobKind::kGlobalBundleAdjustment && IsMine(cancelled.map)) {
-    wants_global_ = cancelled.map;  // after the loop that was in its way
+  journal_.NoteCancelled(cancelled.kind, cancelled.map);
+  switch (cancelled.kind) {
+    case JobKind::kLoop:
+      return FinishClosure(IsOutdated(cancelled) ? kCorrected : kPassedOn);
+    case JobKind::kGlobalBundleAdjustment:  // after the loop that was in its way
+      if (is_active_ && IsMine(cancelled.map)) wants_global_ = cancelled.map;
+      return;
+    case JobKind::kForwardBundleAdjustment:
+      keyframes_since_forward_ += keyframes_before_forward_;
   }
 }
 
 void LoopCloser::OnJobDone(JobResult result) {
   running_.reset();
-  for (const auto& [stage, samples] : result.times.samples()) {
-    for (const double sample : samples) times_.Add(stage, sample);
-  }
+  KeepTimes(result.times);
+  if (result.losses) journal_.NoteLosses(result.kind, *result.losses);
   if (result.kind == JobKind::kLoop) {
-    closures_.back().times = result.times;
-    if (result.correction) closing_edges_ = result.correction->loop_edges;
+    journal_.AddTimes(closing_->record, result.times);
+    if (result.correction) closing_->edges = result.correction->loop_edges;
   }
   if (!IsAtHand(result.map)) result.correction = Error{kPassedOn};
   if (!result.correction) {
-    spdlog::info("{} of map {} came to nothing: {}", Name(result.kind), ToString(result.map),
-                 result.correction.error().message);
-    if (result.kind == JobKind::kLoop) FinishClosure(result.correction.error().message);
+    const std::string& reason = result.correction.error().message;
+    journal_.NoteFruitless(result.kind, result.map, reason);
+    if (result.kind == JobKind::kLoop) FinishClosure(reason);
+    if (result.kind == JobKind::kGlobalBundleAdjustment) global_refusals_ = 0;
     if (result.kind == JobKind::kForwardBundleAdjustment)
       forward_patience_ = std::min(2 * forward_patience_, kMaxForwardPatience);
     return;
   }
+  journal_.NoteProposed(result.kind, result.map);
   outbox_ = std::move(*result.correction);
   outbox_->process = process_;
   outbox_->number = next_number_++;
@@ -304,49 +292,110 @@ void LoopCloser::OnJobDone(JobResult result) {
 
 std::optional<MapCorrection> LoopCloser::TakeCorrection() {
   if (!outbox_) return std::nullopt;
-  proposal_ = Proposal{*outbox_kind_, outbox_->number, outbox_->map};
+  proposal_ = Proposal{*outbox_kind_, outbox_->number, outbox_->map, outbox_->epoch, {}};
   return std::exchange(outbox_, std::nullopt);
 }
 
 void LoopCloser::OnAnswered(const MapperState& state) {
-  if (!proposal_ || state.correction_number != proposal_->number) return;
-  const JobKind kind = std::exchange(proposal_, std::nullopt)->kind;
-  corrected_map_ = state.map;  // the mapper names the corrected map in its answer
-  corrected_revision_ = state.revision;
+  const auto is_meant = [&](const Proposal& proposal) { return proposal.number == state.correction_number; };
+  const auto forgotten = std::find_if(forgotten_.begin(), forgotten_.end(), is_meant);
+  if (forgotten != forgotten_.end()) {
+    const Proposal late = std::move(*forgotten);
+    forgotten_.erase(forgotten);
+    return OnLateAnswer(late, state);
+  }
+  if (!proposal_ || !is_meant(*proposal_)) return;
+  const Proposal answered = *std::exchange(proposal_, std::nullopt);
   const std::string& problem = state.correction_refusal;
-  if (!problem.empty()) spdlog::warn("the owner refused the {}: {}", Name(kind), problem);
-  if (kind == JobKind::kLoop) FinishClosure(problem);
-  if (kind == JobKind::kGlobalBundleAdjustment && problem.empty()) ++counters_.global_ba;
-  if (kind == JobKind::kForwardBundleAdjustment && problem.empty()) {
-    ++counters_.forward_ba;
-    forward_patience_ = 1;
+  journal_.NoteAnswered(answered.kind, answered.map, problem, false);
+  if (state.map == answered.map) NoteCorrected(state);  // refused, too: the next is made from what the owner has now
+  if (answered.kind == JobKind::kLoop) FinishClosure(problem);
+  if (problem.empty()) {
+    OnApplied(answered);
+  } else if (answered.kind == JobKind::kGlobalBundleAdjustment) {
+    TryGlobalAgain(answered.map);
+  }
+}
+
+/// Of an owner that hung. In a later epoch the map has another one, who may have begun without the correction.
+void LoopCloser::OnLateAnswer(const Proposal& late, const MapperState& state) {
+  const auto owner = owners_.find(late.map);
+  if (owner == owners_.end() || owner->second.epoch != late.epoch) return;
+  const std::string& problem = state.correction_refusal;
+  journal_.NoteAnswered(late.kind, late.map, problem, true);
+  if (!problem.empty()) {
+    if (late.forgotten_loop) journal_.NoteFailed(late.forgotten_loop->record, problem);
+    if (late.kind == JobKind::kGlobalBundleAdjustment) TryGlobalAgain(late.map);
+    return;
+  }
+  if (state.map == late.map) NoteCorrected(state);
+  if (late.forgotten_loop) EndClosure(*late.forgotten_loop, "");
+  OnApplied(late);
+  // A loop that was found since was measured in the map as it was. One that is proposed already the owner refuses.
+  const bool is_under_way = (running_ && running_->kind == JobKind::kLoop) ||
+                            (outbox_ && *outbox_kind_ == JobKind::kLoop) ||
+                            (proposal_ && proposal_->kind == JobKind::kLoop);
+  if (late.forgotten_loop && closing_ && closing_->map == late.map && !is_under_way) FinishClosure(kCorrected);
+}
+
+void LoopCloser::NoteCorrected(const MapperState& state) {
+  corrected_map_ = state.map;
+  corrected_epoch_ = state.epoch;
+  corrected_revision_ = state.revision;
+}
+
+void LoopCloser::OnApplied(const Proposal& proposal) {
+  if (proposal.map == detector_map_) {
+    if (proposal.kind == JobKind::kLoop) {
+      detector_.Reset();
+    } else {
+      detector_.ForgetConfirmations();
+    }
+  }
+  if (proposal.kind == JobKind::kGlobalBundleAdjustment) global_refusals_ = 0;
+  if (proposal.kind == JobKind::kForwardBundleAdjustment) forward_patience_ = 1;
+}
+
+/// A global BA that was refused was made from a map that was corrected since, or is about to pass on.
+void LoopCloser::TryGlobalAgain(MapId map) {
+  if (is_active_ && ++global_refusals_ < kMaxGlobalRefusals) {
+    wants_global_ = map;
+  } else {
+    global_refusals_ = 0;
   }
 }
 
 void LoopCloser::ForgetCorrection(const std::string& reason) {
   if (!proposal_) return;
-  const JobKind kind = std::exchange(proposal_, std::nullopt)->kind;
-  spdlog::warn("{}: {}", Name(kind), reason);
-  if (kind == JobKind::kLoop) FinishClosure(reason);
+  Proposal forgotten = *std::exchange(proposal_, std::nullopt);
+  journal_.NoteUnanswered(forgotten.kind, reason);
+  if (forgotten.kind == JobKind::kLoop) {
+    forgotten.forgotten_loop = closing_;
+    FinishClosure(reason);
+  }
+  forgotten_.push_back(std::move(forgotten));
+  if (forgotten_.size() > kMaxForgotten) forgotten_.pop_front();
+}
+
+void LoopCloser::End() {
+  if (running_) journal_.NoteCancelled(running_->kind, running_->map);
+  running_.reset();
+  if (closing_) FinishClosure(kRunEnded);
 }
 
 void LoopCloser::FinishClosure(const std::string& problem) {
-  ClosureRecord& record = closures_.back();
-  record.is_applied = problem.empty();
-  record.problem = problem;
-  record.times.Add("applied", since_detection_.Milliseconds());
-  if (record.is_applied) {
-    times_.Add("loop_to_map", since_detection_.Milliseconds());
-    ++counters_.closed;
-    auto& edges = loop_edges_[closing_map_];
-    edges.insert(edges.end(), closing_edges_.begin(), closing_edges_.end());
-    if (options_.global_ba && is_active_) wants_global_ = closing_map_;
-    keyframes_since_forward_ = 0;
-  } else {
-    ++counters_.failed;
-  }
-  closing_.reset();
+  EndClosure(*std::exchange(closing_, std::nullopt), problem);
   detector_.Reset();
+}
+
+void LoopCloser::EndClosure(const Closing& closing, const std::string& problem) {
+  if (!problem.empty()) return journal_.NoteFailed(closing.record, problem);
+  journal_.NoteApplied(closing.record, closing.since_detection.Milliseconds());
+  times_.Add("loop_to_map", closing.since_detection.Milliseconds());
+  auto& edges = loop_edges_[closing.map];
+  edges.insert(edges.end(), closing.edges.begin(), closing.edges.end());
+  if (options_.global_ba && is_active_) wants_global_ = closing.map;
+  keyframes_since_forward_ = 0;
 }
 
 }  // namespace portolan

@@ -13,6 +13,7 @@ namespace portolan {
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::Not;
 using JobKind = LoopCloser::JobKind;
 
 const ProcessId kProcess(0, 1, 7), kMapper(0, 1, 1);
@@ -107,6 +108,33 @@ class LoopCloserTest : public ::testing::Test {
     while (closer_.Update()) {
     }
   }
+  void AskForGlobal() {
+    Command adjust;
+    adjust.kind = CommandKind::kAdjustMap;
+    adjust.map = owner_.id();
+    closer_.OnCommand(adjust);
+  }
+  /// What a job of that kind, which is due, might propose: the second pass moved. The job itself is not run.
+  MapCorrection Propose(JobKind kind, const Sim3d& new_from_old) {
+    EXPECT_TRUE(closer_.NextJob());
+    LoopCloser::JobResult result;
+    result.kind = kind;
+    result.map = owner_.id();
+    MapCorrection correction = EmptyCorrection(owner_, "global_ba");
+    for (const SyntheticView& view : passes_.second.views) {
+      const Sim3d old(owner_.keyframe(view.data->id).camera_from_map);
+      correction.keyframes.push_back({view.data->id, old * new_from_old.Inverse()});
+    }
+    result.correction = std::move(correction);
+    closer_.OnJobDone(std::move(result));
+    return closer_.TakeCorrection().value();
+  }
+  void Refuse(const MapCorrection& correction) {
+    state_.correction_process = correction.process;
+    state_.correction_number = correction.number;
+    state_.correction_refusal = "the map was corrected at";
+    closer_.OnMapperState(state_);
+  }
   /// Runs what is due, on this thread. @return its kind, none if nothing was due.
   std::optional<JobKind> RunJob() {
     auto job = closer_.NextJob();
@@ -179,6 +207,7 @@ TEST_F(LoopCloserTest, ClosesALoopThenAdjustsTheWholeMap) {
   EXPECT_TRUE(ValidateMap(owner_).empty());
 
   ASSERT_EQ(RunJob(), JobKind::kGlobalBundleAdjustment);
+  EXPECT_TRUE(closer_.counters().of(JobKind::kGlobalBundleAdjustment).losses);
   // A map without noise may leave nothing to improve.
   if (const auto global = closer_.TakeCorrection()) Answer(*global);
   EXPECT_FALSE(closer_.is_busy());
@@ -220,6 +249,173 @@ TEST_F(LoopCloserTest, AnOwnerThatDoesNotAnswerIsForgotten) {
   EXPECT_EQ(closer_.closures().front().problem, "no answer");
 }
 
+/// It hung, with the correction in its queue.
+TEST_F(LoopCloserTest, AnAnswerThatComesLateCounts) {
+  ASSERT_TRUE(FindLoop());
+  ASSERT_EQ(RunJob(), JobKind::kLoop);
+  const auto loop = closer_.TakeCorrection();
+  closer_.ForgetCorrection("no answer");
+  EXPECT_EQ(closer_.counters().failed, 1u);
+  EXPECT_EQ(closer_.counters().of(JobKind::kLoop).unanswered, 1u);
+  Answer(*loop);
+  EXPECT_TRUE(closer_.closures().front().is_applied);
+  EXPECT_EQ(closer_.closures().front().problem, "");
+  EXPECT_EQ(closer_.counters().failed, 0u);
+  EXPECT_EQ(closer_.counters().closed, 1u);
+  EXPECT_EQ(closer_.counters().of(JobKind::kLoop).unanswered, 0u);
+  EXPECT_EQ(closer_.counters().of(JobKind::kLoop).applied, 1u);
+  EXPECT_EQ(RunJob(), JobKind::kGlobalBundleAdjustment);
+  closer_.OnMapperState(state_);  // says it again and again
+  EXPECT_EQ(closer_.counters().closed, 1u);
+}
+
+TEST_F(LoopCloserTest, ALateRefusalIsTheReason) {
+  ASSERT_TRUE(FindLoop());
+  ASSERT_EQ(RunJob(), JobKind::kLoop);
+  const auto loop = closer_.TakeCorrection();
+  closer_.ForgetCorrection("no answer");
+  Refuse(*loop);
+  EXPECT_FALSE(closer_.closures().front().is_applied);
+  EXPECT_THAT(closer_.closures().front().problem, HasSubstr("was corrected"));
+  EXPECT_EQ(closer_.counters().failed, 1u) << "once";
+  EXPECT_FALSE(closer_.NextJob());
+}
+
+TEST_F(LoopCloserTest, ALateAnswerOfAnOwnerThatLostTheMapDoesNotCount) {
+  ASSERT_TRUE(FindLoop());
+  ASSERT_EQ(RunJob(), JobKind::kLoop);
+  const auto loop = closer_.TakeCorrection();
+  closer_.ForgetCorrection("no answer");
+  Grant(kMapper, owner_.epoch() + 1);  // to one that may have begun without it
+  Answer(*loop);
+  EXPECT_FALSE(closer_.closures().front().is_applied);
+  EXPECT_EQ(closer_.counters().closed, 0u);
+}
+
+/// The loop was found again, in the map without it, and the owner says that it has it.
+TEST_F(LoopCloserTest, WhatWasFoundSinceALateAnswerIsDropped) {
+  ASSERT_TRUE(FindLoop());
+  ASSERT_EQ(RunJob(), JobKind::kLoop);
+  const auto loop = closer_.TakeCorrection();
+  closer_.ForgetCorrection("no answer");
+  ASSERT_TRUE(FindLoop());
+  Answer(*loop);
+  ASSERT_EQ(closer_.closures().size(), 2u);
+  EXPECT_TRUE(closer_.closures()[0].is_applied);
+  EXPECT_THAT(closer_.closures()[1].problem, HasSubstr("corrected meanwhile"));
+  EXPECT_EQ(RunJob(), JobKind::kGlobalBundleAdjustment) << "no loop correction";
+}
+
+TEST_F(LoopCloserTest, AJobOnTheMapWithoutALateCorrectionEnds) {
+  ASSERT_TRUE(FindLoop());
+  ASSERT_EQ(RunJob(), JobKind::kLoop);
+  const auto loop = closer_.TakeCorrection();
+  closer_.ForgetCorrection("no answer");
+  ASSERT_TRUE(FindLoop());
+  ASSERT_TRUE(closer_.NextJob());
+  EXPECT_FALSE(closer_.ShouldCancel());
+  Answer(*loop);
+  EXPECT_TRUE(closer_.ShouldCancel());
+  closer_.OnJobCancelled();
+  EXPECT_THAT(closer_.closures()[1].problem, HasSubstr("corrected meanwhile"));
+  EXPECT_TRUE(closer_.closures()[0].is_applied);
+  EXPECT_FALSE(closer_.ShouldCancel());
+}
+
+TEST_F(LoopCloserTest, AGlobalAdjustmentThatWasRefusedIsMadeAgainOnce) {
+  Acknowledge(passes_.second.views[0].data->id);
+  AskForGlobal();
+  Refuse(Propose(JobKind::kGlobalBundleAdjustment, Sim3d()));
+  EXPECT_EQ(closer_.counters().of(JobKind::kGlobalBundleAdjustment).refused, 1u);
+  Refuse(Propose(JobKind::kGlobalBundleAdjustment, Sim3d()));
+  EXPECT_FALSE(closer_.NextJob()) << "it is not the map that it is made from";
+}
+
+TEST_F(LoopCloserTest, AGlobalAdjustmentThatWasRefusedLateIsMadeAgain) {
+  Acknowledge(passes_.second.views[0].data->id);
+  AskForGlobal();
+  const MapCorrection global = Propose(JobKind::kGlobalBundleAdjustment, Sim3d());
+  closer_.ForgetCorrection("no answer");
+  EXPECT_FALSE(closer_.NextJob());
+  Refuse(global);
+  EXPECT_EQ(RunJob(), JobKind::kGlobalBundleAdjustment);
+}
+
+/// What a keyframe measured before a global BA is no evidence for or against what another measures after it.
+TEST_F(LoopCloserTest, ConfirmationsFromBeforeAGlobalAdjustmentAreForgotten) {
+  while (closer_.counters().confirmed == 0) Acknowledge(passes_.second.views[next_view_++].data->id);
+  ASSERT_TRUE(closer_.closures().empty()) << "one is not enough";
+  AskForGlobal();
+  Answer(Propose(JobKind::kGlobalBundleAdjustment, Sim3d(1, Eigen::Quaterniond::Identity(), {0, 0, 2})));
+  EXPECT_EQ(closer_.counters().of(JobKind::kGlobalBundleAdjustment).applied, 1u);
+  Acknowledge(passes_.second.views[next_view_++].data->id);
+  EXPECT_EQ(closer_.counters().confirmed, 2u);
+  EXPECT_TRUE(closer_.closures().empty());
+  EXPECT_TRUE(FindLoop());
+  EXPECT_EQ(closer_.counters().refusals_of(RefusalKind::kContradicted), 0u);
+}
+
+/// The new owner had not heard of the correction: it goes on from a lower revision.
+TEST_F(LoopCloserTest, ATakeoverAtALowerRevisionIsNotWaitedFor) {
+  ASSERT_TRUE(FindLoop());
+  ASSERT_EQ(RunJob(), JobKind::kLoop);
+  const MapCorrection loop = *closer_.TakeCorrection();
+  Map before = owner_;
+  ASSERT_TRUE(ApplyMapCorrection(loop, &owner_).ok());
+  owner_.TakeDelta();  // comes to nobody
+  state_.correction_process = loop.process;
+  state_.correction_number = loop.number;
+  state_.revision = owner_.revision();
+  closer_.OnMapperState(state_);
+  state_.last_keyframe = passes_.second.views[++next_view_].data->id;  // the last that it took in
+  closer_.OnMapperState(state_);
+  const uint64_t looked_at = closer_.counters().looked_at;
+  EXPECT_FALSE(closer_.Update());
+  EXPECT_EQ(closer_.counters().looked_at, looked_at) << "waits for the delta";
+
+  owner_ = std::move(before);
+  SendInEpoch(owner_.epoch() + 1);
+  EXPECT_EQ(closer_.counters().looked_at, looked_at + 1) << "there is nothing to wait for";
+  Acknowledge(passes_.second.views[++next_view_].data->id);
+  EXPECT_EQ(closer_.counters().looked_at, looked_at + 2);
+}
+
+TEST_F(LoopCloserTest, AGlobalAdjustmentEndsForALoop) {
+  Acknowledge(passes_.second.views[next_view_++].data->id);
+  AskForGlobal();
+  ASSERT_TRUE(closer_.NextJob());
+  EXPECT_FALSE(closer_.ShouldCancel());
+  ASSERT_TRUE(FindLoop());
+  EXPECT_TRUE(closer_.ShouldCancel());
+  closer_.OnJobCancelled();
+  EXPECT_EQ(closer_.counters().of(JobKind::kGlobalBundleAdjustment).cancelled, 1u);
+  ASSERT_EQ(RunJob(), JobKind::kLoop) << "first";
+  EXPECT_FALSE(closer_.ShouldCancel());
+  Answer(*closer_.TakeCorrection());
+  EXPECT_EQ(RunJob(), JobKind::kGlobalBundleAdjustment) << "then what it was in the way of";
+}
+
+TEST_F(LoopCloserTest, ALoopThatIsOpenWhenTheRunEndsIsReported) {
+  ASSERT_TRUE(FindLoop());
+  ASSERT_TRUE(closer_.NextJob());
+  closer_.End();
+  EXPECT_FALSE(closer_.closures().front().is_applied);
+  EXPECT_EQ(closer_.closures().front().problem, "the run ended");
+  EXPECT_EQ(closer_.counters().failed, 1u);
+  EXPECT_EQ(closer_.counters().of(JobKind::kLoop).cancelled, 1u);
+  EXPECT_FALSE(closer_.is_busy());
+}
+
+TEST_F(LoopCloserTest, AClosureHasTheTimesOfAllItsSteps) {
+  ASSERT_TRUE(FindLoop());
+  ASSERT_EQ(RunJob(), JobKind::kLoop);
+  Answer(*closer_.TakeCorrection());
+  const auto& steps = closer_.closures().front().times.samples();
+  for (const char* step : {"words", "verify", "loop_window", "loop_fusion", "loop_welding", "loop_graph", "applied"}) {
+    EXPECT_EQ(steps.count(step), 1u) << step;
+  }
+}
+
 /// A correction at work on a thread of its own, as LoopProcess has it: from the moment it has begun.
 class CorrectionAtWork {
  public:
@@ -252,7 +448,7 @@ TEST_F(LoopCloserTest, ACorrectionEndsWhenTheMapChangesOwner) {
   work.Stop();  // what came of it, if anything, is of an epoch gone by
   closer_.OnJobCancelled();
   EXPECT_FALSE(closer_.ShouldCancel());
-  EXPECT_EQ(closer_.counters().cancelled, 1u);
+  EXPECT_EQ(closer_.counters().cancelled(), 1u);
   EXPECT_FALSE(closer_.closures().front().is_applied);
   ExpectNothingProposedThenClosed();
 }
@@ -456,6 +652,49 @@ TEST_F(ForwardLoopCloserTest, AdjustsForwardWhenIdle) {
   Acknowledge(passes_.second.views[4].data->id);
   EXPECT_EQ(RunJob(), JobKind::kForwardBundleAdjustment);
   EXPECT_FALSE(closer_.NextJob()) << "not before further keyframes";
+  const LoopJobCounters& forward = closer_.counters().of(JobKind::kForwardBundleAdjustment);
+  EXPECT_EQ(forward.tried, 1u);
+  EXPECT_TRUE(forward.losses);
+  EXPECT_EQ(forward.fruitless, closer_.TakeCorrection() ? 0u : 1u);
+}
+
+/// What came last need not be in the map: it was refused, pruned since, or is of another map.
+TEST_F(ForwardLoopCloserTest, StartsFromTheNewestKeyFrameOfItsMap) {
+  for (size_t view = 0; view < 5; ++view) Acknowledge(passes_.second.views[view].data->id);
+  Acknowledge(KeyFrameId(0, 77, 1));  // refused
+  owner_.RemoveKeyFrame(passes_.second.views[4].data->id);
+  SendDelta();
+  closer_.Update();
+  auto job = closer_.NextJob();
+  ASSERT_TRUE(job);
+  const LoopCloser::JobResult result = (*job)(kGoOn);
+  ASSERT_EQ(result.kind, JobKind::kForwardBundleAdjustment);
+  const std::string reason = result.correction ? "" : result.correction.error().message;
+  EXPECT_THAT(reason, Not(HasSubstr("is not in the map")));
+}
+
+class EagerForwardLoopCloserTest : public LoopCloserTest {
+ protected:
+  static LoopOptions Eager() {
+    LoopOptions options = Options();
+    options.forward_every_keyframes = 2;
+    return options;
+  }
+  EagerForwardLoopCloserTest() : LoopCloserTest(Eager()) {}
+};
+
+TEST_F(EagerForwardLoopCloserTest, EndsForALoopAndIsDueAgain) {
+  Acknowledge(passes_.second.views[next_view_++].data->id);
+  Acknowledge(passes_.second.views[next_view_++].data->id);
+  ASSERT_TRUE(closer_.NextJob());
+  EXPECT_FALSE(closer_.ShouldCancel());
+  ASSERT_TRUE(FindLoop());
+  EXPECT_TRUE(closer_.ShouldCancel());
+  closer_.OnJobCancelled();
+  EXPECT_EQ(closer_.counters().of(JobKind::kForwardBundleAdjustment).cancelled, 1u);
+  ASSERT_EQ(RunJob(), JobKind::kLoop);
+  Refuse(*closer_.TakeCorrection());
+  EXPECT_EQ(RunJob(), JobKind::kForwardBundleAdjustment) << "the interval is not used up";
 }
 
 }  // namespace

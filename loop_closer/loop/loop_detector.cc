@@ -34,7 +34,30 @@ std::optional<double> LengthOfWay(const Map& map, KeyFrameId from, KeyFrameId to
   return length;
 }
 
+LoopRefusal Refuse(const Map& map, KeyFrameId current, KeyFrameId candidate, RefusalKind kind, std::string reason) {
+  return {current, candidate,        map.keyframe(current).data->stamp, map.keyframe(candidate).data->stamp,
+          kind,    std::move(reason)};
+}
+
 }  // namespace
+
+const char* Name(RefusalKind kind) {
+  switch (kind) {
+    case RefusalKind::kInconsistent:
+      return "inconsistent";
+    case RefusalKind::kSurplus:
+      return "surplus";
+    case RefusalKind::kNotVerified:
+      return "not_verified";
+    case RefusalKind::kDrift:
+      return "drift";
+    case RefusalKind::kAmbiguous:
+      return "ambiguous";
+    case RefusalKind::kContradicted:
+      return "contradicted";
+  }
+  return "";
+}
 
 Status LoopDetectorOptions::Check() const {
   const auto require = [](bool holds, const char* field, double value, const char* expected) {
@@ -63,10 +86,9 @@ LoopDetection LoopDetector::Detect(const Map& map, KeyFrameId current, const Key
   if (static_cast<int>(map.keyframes().size()) < options_.min_keyframes) return detection;
   const Stopwatch stopwatch;
   const auto own = FindOwnSurroundings(map, current, options_.min_keyframes_between);
-  const auto candidates = FindCandidates(map.keyframe(current).data->bow, index, map, options_.candidates,
-                                         [&](KeyFrameId id) { return own.count(id) == 1; });
-  detection.candidates = static_cast<int>(candidates.size());
-  const std::vector<Candidate> consistent = KeepConsistent(map, candidates);
+  detection.candidates = FindCandidates(map.keyframe(current).data->bow, index, map, options_.candidates,
+                                        [&](KeyFrameId id) { return own.count(id) == 1; });
+  const std::vector<Candidate> consistent = KeepConsistent(map, current, &detection);
   detection.consistent = static_cast<int>(consistent.size());
   times->Add("words", stopwatch.Milliseconds());
 
@@ -78,25 +100,31 @@ LoopDetection LoopDetector::Detect(const Map& map, KeyFrameId current, const Key
   for (const DetectedLoop& other : verified) {
     if (Agree(map, *best, other)) continue;
     detection.refusals.push_back(
-        {current, best->matched,
-         fmt::format("ambiguous: {} looks the same and lies elsewhere", ToString(other.matched))});
+        Refuse(map, current, best->matched, RefusalKind::kAmbiguous,
+               fmt::format("ambiguous: {} looks the same and lies elsewhere", ToString(other.matched))));
     return detection;
   }
   Confirm(map, *best, &detection);
   return detection;
 }
 
-std::vector<Candidate> LoopDetector::KeepConsistent(const Map& map, const std::vector<Candidate>& candidates) {
+std::vector<Candidate> LoopDetector::KeepConsistent(const Map& map, KeyFrameId current, LoopDetection* detection) {
   std::vector<Candidate> consistent;
   std::unordered_set<KeyFrameId> round;
-  for (const Candidate& candidate : candidates) {
+  for (const Candidate& candidate : detection->candidates) {
     std::vector<KeyFrameId> group{candidate.keyframe};
     for (const auto& [id, common] : map.CovisibleKeyFrames(candidate.keyframe, 1, options_.candidates.neighbours))
       group.push_back(id);
     const bool was_seen = std::any_of(rounds_.begin(), rounds_.end(), [&](const auto& earlier) {
       return std::any_of(group.begin(), group.end(), [&](KeyFrameId id) { return earlier.count(id) == 1; });
     });
-    if (was_seen || options_.consistent_rounds == 0) consistent.push_back(candidate);
+    if (was_seen || options_.consistent_rounds == 0) {
+      consistent.push_back(candidate);
+    } else {
+      detection->refusals.push_back(
+          Refuse(map, current, candidate.keyframe, RefusalKind::kInconsistent,
+                 fmt::format("not among the candidates of the {} keyframes before", rounds_.size())));
+    }
     round.insert(group.begin(), group.end());
   }
   rounds_.push_back(std::move(round));
@@ -109,20 +137,26 @@ std::vector<DetectedLoop> LoopDetector::VerifyAll(const Map& map, KeyFrameId cur
                                                   StageTimes* times) const {
   std::vector<DetectedLoop> verified;
   int tried = 0;
+  const auto refuse = [&](const Candidate& candidate, RefusalKind kind, std::string reason) {
+    detection->refusals.push_back(Refuse(map, current, candidate.keyframe, kind, std::move(reason)));
+  };
   for (const Candidate& candidate : candidates) {
-    if (tried++ == options_.max_verified) break;
+    if (++tried > options_.max_verified) {
+      refuse(candidate, RefusalKind::kSurplus, fmt::format("{} better ones were verified", options_.max_verified));
+      continue;
+    }
     const Stopwatch stopwatch;
     auto place = VerifyPlace(map, current, map, candidate.keyframe, options_.verification, nullptr, times);
     times->Add("verify", stopwatch.Milliseconds());
     if (!place) {
-      detection->refusals.push_back({current, candidate.keyframe, place.error().message});
+      refuse(candidate, RefusalKind::kNotVerified, place.error().message);
       continue;
     }
     DetectedLoop loop{current, candidate.keyframe, std::move(*place), {}};
     loop.corrected_from_map = Sim3d(map.keyframe(loop.matched).camera_from_map).Inverse() *
                               loop.place.query_from_candidate.Inverse() * Sim3d(map.keyframe(current).camera_from_map);
     if (const auto reason = FindImplausible(map, loop)) {
-      detection->refusals.push_back({current, candidate.keyframe, *reason});
+      refuse(candidate, RefusalKind::kDrift, *reason);
     } else {
       verified.push_back(std::move(loop));
     }
@@ -155,20 +189,21 @@ bool LoopDetector::Agree(const Map& map, const DetectedLoop& a, const DetectedLo
 void LoopDetector::Confirm(const Map& map, const DetectedLoop& confirmed, LoopDetection* detection) {
   while (!confirmations_.empty() && (round_ - confirmations_.front().round > options_.max_keyframes_apart))
     confirmations_.pop_front();
-  bool agrees = false;
+  bool agrees = false, is_contradicted = false;
   for (const Confirmation& earlier : confirmations_) {
     if (map.FindKeyFrame(earlier.loop.matched) == nullptr) continue;
     if (Agree(map, confirmed, earlier.loop)) {
       agrees = true;
       continue;
     }
-    detection->refusals.push_back({confirmed.current, confirmed.matched,
-                                   fmt::format("contradicts {} seen again from {}", ToString(earlier.loop.matched),
-                                               ToString(earlier.loop.current))});
-    agrees = false;
+    detection->refusals.push_back(Refuse(map, confirmed.current, confirmed.matched, RefusalKind::kContradicted,
+                                         fmt::format("contradicts {} seen again from {}",
+                                                     ToString(earlier.loop.matched), ToString(earlier.loop.current))));
+    is_contradicted = true;
     break;
   }
-  confirmations_.push_back({round_, confirmed});
+  confirmations_.push_back({round_, confirmed});  // the next ones must not contradict it either
+  if (is_contradicted) return;
   detection->confirmed = confirmed;
   if (agrees) detection->loop = confirmed;
 }

@@ -1,6 +1,6 @@
 #pragma once
 
-#include <atomic>
+#include <cstdint>
 #include <deque>
 #include <optional>
 #include <string>
@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "base/statistics.h"
+#include "base/time.h"
 #include "geometry/sim3.h"
 #include "map/map.h"
 #include "place_recognition/candidates.h"
@@ -38,9 +39,27 @@ struct LoopDetectorOptions {
   Status Check() const;
 };
 
-/// A candidate that was looked at and not taken, and why.
+enum class RefusalKind : uint8_t {
+  kInconsistent,  ///< no candidate of the keyframes before is near it
+  kSurplus,       ///< max_verified better ones were verified
+  kNotVerified,   ///< by geometry: VerifyPlace has the reason
+  kDrift,         ///< more than is believed
+  kAmbiguous,     ///< another candidate was verified too, and lies elsewhere
+  kContradicted,  ///< by a keyframe before
+};
+constexpr size_t kNumRefusalKinds = 6;
+/// "inconsistent", "surplus", "not_verified", "drift", "ambiguous", "contradicted".
+const char* Name(RefusalKind kind);
+/// Whether a candidate was verified before it was refused so.
+constexpr bool WasVerified(RefusalKind kind) {
+  return kind != RefusalKind::kInconsistent && kind != RefusalKind::kSurplus;
+}
+
+/// A candidate that was not taken, and why.
 struct LoopRefusal {
   KeyFrameId current, candidate;
+  Timestamp stamp, candidate_stamp;
+  RefusalKind kind = RefusalKind::kNotVerified;
   std::string reason;
 };
 
@@ -53,19 +72,21 @@ struct DetectedLoop {
 
 /// What came of one keyframe.
 struct LoopDetection {
-  int candidates = 0;  ///< by words
-  int consistent = 0;  ///< of them, with those of the keyframes before
+  std::vector<Candidate> candidates;  ///< by words, best first
+  int consistent = 0;                 ///< of them, with those of the keyframes before
   std::vector<LoopRefusal> refusals;
-  std::optional<DetectedLoop> confirmed;  ///< verified; a loop only once another keyframe says the same
+  /// Verified, and contradicted by none before; a loop only once another keyframe says the same.
+  std::optional<DetectedLoop> confirmed;
   std::optional<DetectedLoop> loop;
 };
 
 /// Finds loops of one map (paper Sec. 5, first and second step). Pure; one thread uses it.
 ///
 ///   LoopDetector detector(options);
-///   LoopDetection detection = detector.Detect(map, keyframe, index, &stop, &times);   // for each new keyframe, in
-///   order if (detection.loop) ... detector.Reset();                                                        // after a
-///   correction
+///   LoopDetection detection = detector.Detect(map, keyframe, index, &times);   // for each new keyframe, in order
+///   if (detection.loop) ...
+///   detector.Reset();                 // after a loop was closed, or was not; in another map
+///   detector.ForgetConfirmations();   // after another correction
 class LoopDetector {
  public:
   explicit LoopDetector(const LoopDetectorOptions& options) : options_(options) {}
@@ -76,9 +97,11 @@ class LoopDetector {
 
   /// Forgets what keyframes before said.
   void Reset();
+  /// Forgets what keyframes before measured: the map has moved since. What their words said of it stays true.
+  void ForgetConfirmations() { confirmations_.clear(); }
 
  private:
-  std::vector<Candidate> KeepConsistent(const Map& map, const std::vector<Candidate>& candidates);
+  std::vector<Candidate> KeepConsistent(const Map& map, KeyFrameId current, LoopDetection* detection);
   std::vector<DetectedLoop> VerifyAll(const Map& map, KeyFrameId current, const std::vector<Candidate>& candidates,
                                       LoopDetection* detection, StageTimes* times) const;
   std::optional<std::string> FindImplausible(const Map& map, const DetectedLoop& loop) const;

@@ -75,9 +75,70 @@ TEST_F(LoopDetectorTest, ConfirmationsFarApartDoNotAddUp) {
 TEST_F(LoopDetectorTest, CandidatesMustBeThoseOfTheKeyFramesBefore) {
   LoopDetector detector{LoopDetectorOptions()};
   const LoopDetection first = Detect(&detector, 5);
-  EXPECT_GT(first.candidates, 0);
+  EXPECT_FALSE(first.candidates.empty());
   EXPECT_EQ(first.consistent, 0);
+  ASSERT_EQ(first.refusals.size(), first.candidates.size()) << "each with its reason";
+  EXPECT_EQ(first.refusals.front().kind, RefusalKind::kInconsistent);
+  EXPECT_EQ(first.refusals.front().candidate, first.candidates.front().keyframe);
+  EXPECT_EQ(first.refusals.front().stamp, passes_.second.views[5].data->stamp);
   EXPECT_GT(Detect(&detector, 6).consistent, 0);
+}
+
+TEST_F(LoopDetectorTest, CandidatesBeyondThoseVerifiedAreRefused) {
+  LoopDetectorOptions options;
+  options.consistent_rounds = 0;
+  options.max_verified = 1;
+  options.candidates.min_score = 0.01;
+  options.candidates.neighbours = 1;  // small groups: many candidates
+  LoopDetector detector(options);
+  const LoopDetection detection = Detect(&detector, 8);
+  ASSERT_GT(detection.candidates.size(), 1u);
+  size_t surplus = 0;
+  for (const LoopRefusal& refusal : detection.refusals) surplus += refusal.kind == RefusalKind::kSurplus ? 1 : 0;
+  EXPECT_EQ(surplus, detection.candidates.size() - 1);
+}
+
+/// The map was corrected between two keyframes that see the same place again.
+class MovedMapLoopDetectorTest : public LoopDetectorTest {
+ protected:
+  static LoopDetectorOptions Options() {
+    LoopDetectorOptions options;
+    options.consistent_rounds = 0;
+    return options;
+  }
+  static Map Moved(const TwoPasses& passes) {
+    Map map = BuildMap(passes.first);
+    AddPass(passes.second, Sim3d(1, Eigen::Quaterniond::Identity(), {0, 0, 2}) * LoopDrift(), &map);
+    return map;
+  }
+  const Map moved_ = Moved(passes_);
+  LoopDetector detector_{Options()};
+};
+
+TEST_F(MovedMapLoopDetectorTest, WhatContradictsIsRefusedAndNotConfirmed) {
+  ASSERT_TRUE(Detect(&detector_, 8).confirmed);
+  const LoopDetection detection = detector_.Detect(moved_, Second(9), index_, &times_);
+  EXPECT_FALSE(detection.confirmed);
+  EXPECT_FALSE(detection.loop);
+  ASSERT_FALSE(detection.refusals.empty());
+  EXPECT_EQ(detection.refusals.back().kind, RefusalKind::kContradicted);
+  EXPECT_THAT(detection.refusals.back().reason, HasSubstr("contradicts"));
+}
+
+TEST_F(MovedMapLoopDetectorTest, WhatWasMeasuredInTheMapAsItWasIsForgotten) {
+  ASSERT_TRUE(Detect(&detector_, 8).confirmed);
+  detector_.ForgetConfirmations();
+  EXPECT_TRUE(detector_.Detect(moved_, Second(9), index_, &times_).confirmed);
+  EXPECT_TRUE(detector_.Detect(moved_, Second(10), index_, &times_).loop);
+}
+
+TEST_F(LoopDetectorTest, WordsOfTheKeyFramesBeforeAreKeptWhenTheMapMoves) {
+  LoopDetector detector{LoopDetectorOptions()};
+  Detect(&detector, 5);
+  detector.ForgetConfirmations();
+  EXPECT_GT(Detect(&detector, 6).consistent, 0);
+  detector.Reset();
+  EXPECT_EQ(Detect(&detector, 7).consistent, 0);
 }
 
 TEST_F(LoopDetectorTest, RefusesDriftThatIsNotBelieved) {
@@ -88,6 +149,7 @@ TEST_F(LoopDetectorTest, RefusesDriftThatIsNotBelieved) {
   const LoopDetection detection = Detect(&by_scale, 8);
   EXPECT_FALSE(detection.confirmed);
   ASSERT_FALSE(detection.refusals.empty());
+  EXPECT_EQ(detection.refusals.front().kind, RefusalKind::kDrift);
   EXPECT_THAT(detection.refusals.front().reason, HasSubstr("scale would change by 0.83"));
 }
 
@@ -95,7 +157,8 @@ TEST_F(LoopDetectorTest, ConnectedKeyFramesAreNoCandidates) {
   const Map map = BuildMap(passes_.first);  // every view sees what the others see
   const KeyFrameIndex index = Index(map);
   LoopDetector detector{LoopDetectorOptions()};
-  for (const auto& [id, keyframe] : map.keyframes()) EXPECT_EQ(detector.Detect(map, id, index, &times_).candidates, 0);
+  for (const auto& [id, keyframe] : map.keyframes())
+    EXPECT_TRUE(detector.Detect(map, id, index, &times_).candidates.empty());
 }
 
 TEST_F(LoopDetectorTest, SmallMapsAreLeft) {
@@ -103,7 +166,7 @@ TEST_F(LoopDetectorTest, SmallMapsAreLeft) {
   options.consistent_rounds = 0;
   options.min_keyframes = static_cast<int>(map_.keyframes().size()) + 1;
   LoopDetector detector(options);
-  EXPECT_EQ(Detect(&detector, 8).candidates, 0);
+  EXPECT_TRUE(Detect(&detector, 8).candidates.empty());
 }
 
 TEST_F(LoopDetectorTest, OptionsAreChecked) {

@@ -64,6 +64,7 @@ int LoopProcess::Run() {
   loop_->AddTimer(kLogPeriodS, [this] { OnLogTimer(); });
   OnStatusTimer();
   loop_->Run();
+  background_.Cancel();  // its end is not heard any more: it only competes with what is left to do
   readers_.clear();
   return Finish();
 }
@@ -179,31 +180,28 @@ void LoopProcess::OnStatusTimer() {
   state_writer_->Write(state_);  // again and again: a sign of life for who waits for it, and for who came late
   const MapId active = closer_.follower().active_map();
   const MapFollower::Summary summary = active.IsValid() ? closer_.follower().Summarize(active) : MapFollower::Summary();
-  status_.Publish(StateInWords(active.IsValid()), active, summary.epoch, summary.revision,
-                  {{"keyframes", static_cast<double>(summary.keyframes)},
-                   {"points", static_cast<double>(summary.points)},
-                   {"covisibility_edges", static_cast<double>(summary.covisibility_edges)},
-                   {"indexed_keyframes", static_cast<double>(closer_.follower().index().size())},
-                   {"loops", static_cast<double>(closer_.counters().closed)},
-                   {"loop_candidates", static_cast<double>(closer_.counters().candidates)},
-                   {"loop_refusals", static_cast<double>(closer_.counters().refused)},
-                   {"global_ba", static_cast<double>(closer_.counters().global_ba)},
-                   {"forward_ba", static_cast<double>(closer_.counters().forward_ba)},
-                   {"lag", static_cast<double>(summary.lag)},
-                   {"snapshots_asked", static_cast<double>(snapshots_asked_)},
-                   {"foreign_keyframes", static_cast<double>(foreign_)},
-                   {"events_waiting", static_cast<double>(loop_->depth())},
-                   {"events_dropped", static_cast<double>(loop_->dropped())}});
+  std::vector<std::pair<std::string, double>> figures = LoopFigures(closer_.journal());
+  figures.insert(figures.end(), {{"keyframes", static_cast<double>(summary.keyframes)},
+                                 {"points", static_cast<double>(summary.points)},
+                                 {"covisibility_edges", static_cast<double>(summary.covisibility_edges)},
+                                 {"indexed_keyframes", static_cast<double>(closer_.follower().index().size())},
+                                 {"lag", static_cast<double>(summary.lag)},
+                                 {"snapshots_asked", static_cast<double>(snapshots_asked_)},
+                                 {"foreign_keyframes", static_cast<double>(foreign_)},
+                                 {"events_waiting", static_cast<double>(loop_->depth())},
+                                 {"events_dropped", static_cast<double>(loop_->dropped())}});
+  status_.Publish(StateInWords(active.IsValid()), active, summary.epoch, summary.revision, std::move(figures));
 }
 
 int LoopProcess::Finish() {
   closer_.Update();
+  closer_.End();
   StageTimes times = times_;
   for (const auto& [stage, samples] : closer_.stage_times().samples()) {
     for (const double sample : samples) times.Add(stage, sample);
   }
   nlohmann::json report = MakeReport(setup_.options, priority_, times, *bus_);
-  AddLoops(closer_, &report);
+  AddLoops(closer_.journal(), &report);
   size_t keyframes = 0, points = 0, edges = 0;
   for (const MapId id : closer_.follower().Maps()) {
     const MapFollower::Summary summary = closer_.follower().Summarize(id);
