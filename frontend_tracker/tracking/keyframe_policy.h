@@ -37,7 +37,8 @@ class KeyFramePolicy {
     return IsQualityGood(map, frame) && IsFar(map, frame, options_.gap_distance_factor);
   }
   /// Beyond the paper: the frame has lost sight of much of what its reference keyframe sees, as when the camera turns;
-  /// in a known place, of most.
+  /// in a known place, of most. Landmarks count that three keyframes see; where few are left to the frame, and it is
+  /// sure of them, all.
   bool IsViewNew(const Map& map, const Frame& frame) const;
   /// Whether the frame's reference keyframe is not one of the youngest: the camera is where it, or another, has been
   /// before.
@@ -52,8 +53,8 @@ class KeyFramePolicy {
  private:
   /// s_ci / d_c > factor * s_01 / d_0.
   bool IsFar(const Map& map, const Frame& frame, double factor) const;
-  /// Fewer than `share` of the reference's established landmarks are tracked.
-  bool HasLost(const Map& map, const Frame& frame, double share) const;
+  /// Fewer than `share` of the reference's landmarks that so many keyframes see are tracked.
+  bool HasLost(const Map& map, const Frame& frame, double share, size_t observations) const;
 
   KeyFramePolicyOptions options_;
   double first_distance_over_depth_ = 0;  // s_01 / d_0

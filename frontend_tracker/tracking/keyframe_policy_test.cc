@@ -119,6 +119,27 @@ TEST_F(KeyFramePolicyTest, AYoungMapNeedsThePapersTenPoints) {
   EXPECT_FALSE(KeyFramePolicy(options).IsQualityGood(map_, frame));
 }
 
+/// All landmarks are new, as in a fast turn: they count as soon as few are left.
+TEST_F(KeyFramePolicyTest, NewLandmarksCountWhereTheyRunOut) {
+  const auto with_inliers = [&](int inliers) {
+    Frame frame = MakeFrame(0.5, 1.0);
+    EXPECT_GT(frame.num_inliers, 240);
+    frame.num_inliers = frame.num_candidates = inliers;
+    return frame;
+  };
+  EXPECT_FALSE(policy_.IsViewNew(map_, with_inliers(130)));
+  EXPECT_TRUE(policy_.IsViewNew(map_, with_inliers(110)));
+  EXPECT_TRUE(policy_.IsUrgent(map_, with_inliers(110)));
+  EXPECT_EQ(policy_.Decide(map_, with_inliers(110), true), Decision::kInsert);
+  // Where there never were more than a few, few are no news.
+  Map sparse = map_;
+  const Frame frame = MakeFrame(0.5, 1.0);
+  size_t left = 0;
+  for (const MapPointId id : frame.landmarks)
+    if (id.IsValid() && ++left > 150) sparse.RemovePoint(id);
+  EXPECT_FALSE(policy_.IsViewNew(sparse, with_inliers(110)));
+}
+
 TEST_F(KeyFramePolicyTest, DistanceIsMeasuredByDepthFromTheNearestKeyFrame) {
   EXPECT_FALSE(policy_.IsFarEnough(map_, MakeFrame(0.5, 1.0)));   // where the second keyframe is
   EXPECT_FALSE(policy_.IsFarEnough(map_, MakeFrame(0.25, 1.0)));  // between the two

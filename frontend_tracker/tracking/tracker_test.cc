@@ -68,6 +68,7 @@ TrackerOptions MakeGapOptions() {
   options.initializer.min_baseline_px = 24;  // several frames lie between the two
   options.keyframe.distance_factor = 100;
   options.keyframe.max_reference_overlap = options.keyframe.known_place_overlap = 0;
+  options.keyframe.few_points = 0;  // no keyframes but those
   return options;
 }
 
