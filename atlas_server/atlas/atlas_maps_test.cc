@@ -88,6 +88,32 @@ TEST_F(AtlasMapsTest, ADeadTrackersMapIsDormantAfterAWhile) {
   EXPECT_EQ(EpochOf(kNew), 3u);
 }
 
+/// It keeps the map when a mapper of the dead robot comes back.
+TEST_F(AtlasMapsTest, ADeadOwnersMapPassesToTheMapperOfARobotThatIsInIt) {
+  StartInNewMap(60, 60);
+  StartOtherRobot(10);
+  Ask(kOtherTracker, "enter_map", kNew, kOthers, "", OldFromNew());
+  Track(kOtherTracker, kNew);
+  Go(3);
+  ASSERT_EQ(Owner(kNew), kMapper) << "one owner for both robots";
+  for (const ProcessId process : {kMapper, kTracker}) Die(process);
+  Go(Atlas::kAliveS);
+  EXPECT_EQ(Owner(kNew), kMapper);
+  Go(0.25);
+  EXPECT_EQ(Owner(kNew), kOtherMapper);
+  EXPECT_EQ(EpochOf(kNew), 2u);
+  EXPECT_EQ(owners_[kNew], kOtherMapper) << "it is stored";
+  EXPECT_EQ(atlas_.num_takeovers(), 1u);
+
+  const ProcessId new_tracker(3, 12, 1), new_mapper(3, 22, 1);
+  Live(new_mapper, "backend_mapper");
+  EXPECT_TRUE(ReplyTo(Ask(new_mapper, "register_mapper")).ok);
+  Track(new_tracker, kNew);
+  Go(Atlas::kGoneS + 1);
+  EXPECT_EQ(Owner(kNew), kOtherMapper);
+  EXPECT_EQ(EpochOf(kNew), 2u);
+}
+
 TEST_F(AtlasMapsTest, ATrackerThatEntersAMapHasItGrantedAndLeavesTheOther) {
   StartInNewMap(60, 60);
   EXPECT_TRUE(ReplyTo(Ask(kTracker, "enter_map", kOld, kNew, "", OldFromNew())).ok);

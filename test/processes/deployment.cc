@@ -1,6 +1,7 @@
 #include "processes/deployment.h"
 
 #include <csignal>
+#include <filesystem>
 #include <utility>
 
 #include "processes/run_output_check.h"
@@ -12,10 +13,12 @@ void DeploymentTest::StartAll(const std::vector<std::string>& frontend_arguments
   StartRole("frontend_tracker", frontend_arguments);
 }
 
-void DeploymentTest::StartRole(const std::string& role, const std::vector<std::string>& arguments) {
-  std::vector<std::string> command = {Program("portolan_" + role), "--out", Out(), "--domain", std::to_string(domain_)};
+void DeploymentTest::StartRole(const std::string& name, const std::vector<std::string>& arguments) {
+  const auto path = std::filesystem::path(Out()) / name;
+  std::vector<std::string> command = {Program("portolan_" + path.filename().string()), "--out", path.parent_path(),
+                                      "--domain", std::to_string(domain_)};
   command.insert(command.end(), arguments.begin(), arguments.end());
-  processes_[role] = Start(command);
+  processes_[name] = Start(command);
 }
 
 void DeploymentTest::StartStandby(const std::string& role, const std::vector<std::string>& arguments) {
@@ -110,7 +113,10 @@ void DeploymentTest::ExpectGoodEnd(double min_tracked_share) {
 }
 
 StatusWatch& DeploymentTest::watch() {
-  if (!watch_) watch_ = std::make_unique<StatusWatch>(DdsVendor::kFastDds, domain_);
+  if (watch_) return *watch_;
+  BusOptions options = TestBusOptions(DdsVendor::kFastDds, domain_);
+  options.partition = partition_;
+  watch_ = std::make_unique<StatusWatch>(options);
   return *watch_;
 }
 

@@ -15,7 +15,8 @@ class DeploymentTest : public ProcessTest {
  protected:
   /// Starts atlas_server, backend_mapper, loop_closer and frontend_tracker, all into Out().
   void StartAll(const std::vector<std::string>& frontend_arguments);
-  void StartRole(const std::string& role, const std::vector<std::string>& arguments = {});
+  /// @param name the process's role; or FOLDER/ROLE, with a folder below Out() for its results: of several robots.
+  void StartRole(const std::string& name, const std::vector<std::string>& arguments = {});
   /// A second process of the role, which stands by; its name is "standby/ROLE", its results are in StandbyOut().
   void StartStandby(const std::string& role, const std::vector<std::string>& arguments = {});
   std::string StandbyOut() const { return folder_.Path("standby"); }
@@ -48,6 +49,7 @@ class DeploymentTest : public ProcessTest {
   void ExpectGoodEnd(double min_tracked_share = 0.8);
 
   StatusWatch& watch();
+  std::string partition_ = BusOptions().partition;  ///< of the processes that are watched
 
  private:
   std::map<std::string, std::unique_ptr<ChildProcess>> processes_;
