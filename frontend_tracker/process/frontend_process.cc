@@ -22,6 +22,7 @@ constexpr auto kMapperPatience = std::chrono::seconds(1);
 constexpr auto kSnapshotRequestInterval = std::chrono::seconds(1);
 constexpr auto kAtlasPatience = std::chrono::seconds(2);  // for an answer that nothing depends on
 constexpr auto kMapPatience = std::chrono::seconds(5);    // of a lockstep run, for a map that the tracker is to go into
+constexpr size_t kMaxUnnamed = 256;                       // keyframes of other robots that no delta has named yet
 constexpr auto kProgressInterval = std::chrono::milliseconds(500);
 
 const char* InWords(TrackingState state) {
@@ -113,12 +114,18 @@ void FrontendProcess::ConnectReaders() {
     });
   }));
   readers_.push_back(bus_->CreateReader<KeyFrameMessage>([this](KeyFrameMessage message) {
-    if (message.kind != KeyFrameKind::kCopy || message.vocabulary_hash != vocabulary_->hash()) return;
+    const bool is_copy = message.kind == KeyFrameKind::kCopy;
+    const bool is_others = message.data.id.robot() != setup_.options.robot && message.kind != KeyFrameKind::kQuery;
+    if ((!is_copy && !is_others) || message.vocabulary_hash != vocabulary_->hash()) return;
     if (std::atomic_load(&followed_)->count(message.map) == 0) return;  // for somebody else
     const MapId map = message.map;
     const size_t held_bytes = HeldBytes(message);
     auto data = MakeKeyFrameData(std::move(message.data), vocabulary_.get());
-    loop_->Post([this, map, data = std::move(data)] { tracker_.AddKeyFrameData(map, data); }, held_bytes);
+    loop_->Post(
+        [this, map, is_copy, data = std::move(data)] {
+          if (is_copy || HasRoomForOthers(map)) tracker_.AddKeyFrameData(map, data);
+        },
+        held_bytes);
   }));
   readers_.push_back(
       bus_->CreateReader<Command>([this](Command command) { loop_->Post([this, command] { OnCommand(command); }); }));
@@ -131,6 +138,14 @@ void FrontendProcess::ConnectReaders() {
       if (role == "backend_mapper") resend_.OnMapperHeard(SecondsNow());
     });
   }));
+}
+
+/// Of robots that share the map: their keyframes come as they send them, before the delta that names them. What no
+/// delta ever names fills no memory; what is missed so comes with a snapshot.
+bool FrontendProcess::HasRoomForOthers(MapId map) const {
+  const auto replica = tracker_.replicas().find(map);
+  if (replica == tracker_.replicas().end()) return false;
+  return replica->second.keyframe_data().size() < replica->second.map().keyframes().size() + kMaxUnnamed;
 }
 
 int FrontendProcess::Run() {

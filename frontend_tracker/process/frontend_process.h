@@ -58,6 +58,7 @@ class FrontendProcess {
   void NoteFollowedMaps();
   void ReleasePumpIfReady();
   bool OthersAreDone() const;
+  bool HasRoomForOthers(MapId map) const;
   bool MapperIsDone() const;
   bool IsWaitingForAtlas() const;
   bool IsWaitingForEarlierMaps() const;

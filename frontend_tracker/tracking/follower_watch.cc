@@ -5,15 +5,19 @@
 namespace portolan {
 namespace {
 
-constexpr size_t kRemembered = 32;  // keyframes of all robots that a follower looks at
+// Keyframes of all robots that a follower looks at: a mapper that takes another's map over names its own last one until
+// it gets a next.
+constexpr size_t kRemembered = 256;
 
 }  // namespace
 
 void FollowerWatch::OnState(const FollowerState& state, double now_s) {
   const auto [entry, is_new] = followers_.try_emplace(state.process);
   Follower& follower = entry->second;
-  const bool is_next =
-      state.last_keyframe.IsValid() && (follower.looked_at.empty() || follower.looked_at.back() != state.last_keyframe);
+  // The atlas_server repeats the last one of each robot in turn: only one that is new here tells that it gets further.
+  const auto& looked_at = follower.looked_at;
+  const bool is_next = state.last_keyframe.IsValid() &&
+                       std::find(looked_at.begin(), looked_at.end(), state.last_keyframe) == looked_at.end();
   if (is_new || is_next || follower.is_busy != state.is_busy) follower.changed_s = now_s;
   if (is_next) follower.looked_at.push_back(state.last_keyframe);
   if (follower.looked_at.size() > kRemembered) follower.looked_at.pop_front();

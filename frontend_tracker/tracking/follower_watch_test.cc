@@ -54,6 +54,17 @@ TEST(FollowerWatch, NotForOneThatGetsNoFurther) {
   EXPECT_TRUE(watch.AreDone(kSecond, FollowerWatch::kStalledS + 1));
 }
 
+/// It serves two robots, and says again and again how far it is with each.
+TEST(FollowerWatch, WhatIsRepeatedIsNoProgress) {
+  FollowerWatch watch;
+  for (double now_s = 0; now_s <= FollowerWatch::kStalledS + 1; ++now_s) {
+    watch.OnState(StateOf(kAtlas, kFirst), now_s);
+    watch.OnState(StateOf(kAtlas, KeyFrameId(4, 1, 1)), now_s);
+    EXPECT_TRUE(watch.AreDone(kFirst, now_s));
+    EXPECT_EQ(watch.AreDone(kSecond, now_s), now_s > FollowerWatch::kStalledS) << now_s;
+  }
+}
+
 TEST(FollowerWatch, NotForOneThatCameInBetween) {
   FollowerWatch watch;
   watch.OnState(StateOf(kLoopCloser, KeyFrameId()), 0);

@@ -35,8 +35,9 @@ void LoopCloser::OnMapperState(const MapperState& state) {
   NoteOwner(state.map, state.epoch, is_mine);
   if (state.correction_process == process_) OnAnswered(state);
   if (!state.last_keyframe.IsValid()) return;
-  if (!is_mine) {  // a keyframe of this robot's tracker in another's map is looked at there
-    if (state.last_keyframe.robot() == process_.robot()) NoteLookedAt(state.map, state.last_keyframe);
+  if (!is_mine) {  // what goes into another's map is looked at there; the trackers in it wait for none here
+    const bool is_of_mine = state.last_keyframe.robot() == process_.robot();
+    if (is_of_mine || follower_.IsFollowed(state.map)) NoteLookedAt(state.map, state.last_keyframe);
     return;
   }
   if (!options_.enabled || !is_active_) return NoteLookedAt(state.map, state.last_keyframe);

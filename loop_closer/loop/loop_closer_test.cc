@@ -535,7 +535,12 @@ TEST_F(LoopCloserTest, AnotherRobotsMapIsLeftToItsLoopCloser) {
   }
   state_.last_keyframe = KeyFrameId(5, 1, 1);
   closer_.OnMapperState(state_);
-  EXPECT_NE(closer_.last_keyframe(), state_.last_keyframe) << "of another tracker";
+  EXPECT_EQ(closer_.last_keyframe(), state_.last_keyframe)
+      << "another tracker in this map waits for all that follow it";
+  state_.map = MapId(5, 1, 7);
+  state_.last_keyframe = KeyFrameId(5, 1, 2);
+  closer_.OnMapperState(state_);
+  EXPECT_NE(closer_.last_keyframe(), state_.last_keyframe) << "of a map that is not followed here";
   EXPECT_EQ(closer_.counters().looked_at, 0u);
   Command adjust;
   adjust.kind = CommandKind::kAdjustMap;
