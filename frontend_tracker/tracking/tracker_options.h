@@ -50,7 +50,8 @@ struct KeyFramePolicyOptions {
   double known_place_overlap = 0.6;
   int recent_keyframes = 30;              ///< of this tracker, the youngest: where it is mapping
   double urgent_reference_overlap = 0.6;  ///< below this share the frame is urgent: a busy mapper is interrupted for it
-  /// With fewer inliers than this, and a new view, it is too: some frames more and the camera would be lost.
+  /// With fewer inliers than this, and a new view, it is too: some frames more and the camera would be lost. New
+  /// landmarks count then: with less than urgent_reference_overlap of all that the reference sees the view is new.
   int few_points = 120;
   /// From this factor on (the paper's Eq. 7) too. What is less urgent waits for an idle mapper: a BA that is
   /// interrupted for every frame never gets anywhere.

@@ -91,7 +91,9 @@ std::vector<std::pair<std::string, double>> LoopFigures(const LoopJournal& journ
       {"loop_failed", static_cast<double>(counters.failed)},
       {"loop_cancelled", static_cast<double>(counters.cancelled())},
       {"global_ba", static_cast<double>(counters.of(LoopJobKind::kGlobalBundleAdjustment).applied)},
-      {"forward_ba", static_cast<double>(counters.of(LoopJobKind::kForwardBundleAdjustment).applied)}};
+      {"global_ba_fruitless", static_cast<double>(counters.of(LoopJobKind::kGlobalBundleAdjustment).fruitless)},
+      {"forward_ba", static_cast<double>(counters.of(LoopJobKind::kForwardBundleAdjustment).applied)},
+      {"forward_ba_fruitless", static_cast<double>(counters.of(LoopJobKind::kForwardBundleAdjustment).fruitless)}};
   for (size_t kind = 0; kind < kNumRefusalKinds; ++kind) {
     figures.emplace_back("loop_refused_" + std::string(Name(static_cast<RefusalKind>(kind))),
                          static_cast<double>(counters.refusals[kind]));

@@ -170,13 +170,18 @@ TEST_F(ToolRunTest, APausedRobotLosesNothingAndItsMapIsAdjusted) {
   ExpectTool({"activate", ToString(map)}, kRefused, "paused");
   const double revision = ToolJson({"maps", "--json"})["maps"][0]["revision"];
   const uint64_t frame = Frame();
-  const double adjusted = FigureOf(StatusOf("loop_closer"), "global_ba");
+  const ProcessStatus before = StatusOf("loop_closer");
 
   Order({"global-ba"}, "ok: the loop_closer of robot 0 adjusts map " + ToString(map));
+  const auto rises = [&](const ProcessStatus& status, const std::string& figure) {
+    return FigureOf(status, figure) > FigureOf(before, figure);
+  };
+  // The mapper has had time to make the map as good as it can be.
   EXPECT_TRUE(WaitUntil("loop_closer", [&](const ProcessStatus& status) {
-    return FigureOf(status, "global_ba") > adjusted;
+    return rises(status, "global_ba") || rises(status, "global_ba_fruitless");
   })) << Logs();
-  EXPECT_GT(ToolJson({"maps", "--json"})["maps"][0]["revision"], revision);
+  const double adjusted = ToolJson({"maps", "--json"})["maps"][0]["revision"];
+  EXPECT_EQ(adjusted > revision, rises(StatusOf("loop_closer"), "global_ba"));
   EXPECT_EQ(Frame(), frame) << "nothing else has changed the map";
 
   Order({"resume"});
