@@ -8,6 +8,7 @@
 
 #include "base/random.h"
 #include "dataset/evaluation_report.h"
+#include "dataset/transformed_trajectory.h"
 
 namespace portolan {
 namespace {
@@ -22,16 +23,6 @@ Trajectory Spiral(int size) {
     const Eigen::Vector3d position(5 * std::cos(0.3 * t), 5 * std::sin(0.3 * t), 0.2 * t);
     trajectory.push_back(
         {Timestamp{i * 100000000LL}, Rigid3d(ExpSO3({0.1 * std::sin(t), 0.2, 0.3 * t - 3}), position), 0});
-  }
-  return trajectory;
-}
-
-/// The trajectory seen from another frame and at another scale.
-Trajectory Transformed(Trajectory trajectory, const Sim3d& b_from_a, int map = 0) {
-  for (TrajectoryPose& pose : trajectory) {
-    pose.world_from_camera =
-        Rigid3d(b_from_a.rotation * pose.world_from_camera.rotation, b_from_a * pose.world_from_camera.translation);
-    pose.map = map;
   }
   return trajectory;
 }

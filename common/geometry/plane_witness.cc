@@ -7,7 +7,8 @@
 namespace portolan {
 namespace {
 
-// A wall's true normals lie within 5 degrees with 100 matches, and within half a degree with 600 (portolan_synth wall).
+// A wall's true normals lie within 5 degrees with 100 matches, and within half a degree with 600 (portolan_synth wall),
+// where the twin's turned by 60. Twice the limit tells them apart.
 constexpr double kSame = 7 * M_PI / 180, kOther = 14 * M_PI / 180;
 
 }  // namespace

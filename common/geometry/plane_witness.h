@@ -30,9 +30,9 @@ class PlaneWitness {
   void Add(const std::vector<PlanarMotion>& motions);
   void Clear() { pairs_.clear(); }
 
-  /// Earlier pairs without which nothing is told.
+  /// Earlier pairs without which nothing is told: one normal that happens to be near says little.
   static constexpr size_t kMinPairs = 2;
-  static constexpr size_t kMaxPairs = 100;
+  static constexpr size_t kMaxPairs = 100;  ///< bounds the time
 
  private:
   /// The largest of the angles, radians, between a normal and what each earlier pair has next to it.

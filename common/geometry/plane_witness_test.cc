@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "geometry/geometry_test_utils.h"
 #include "geometry/two_view.h"
 

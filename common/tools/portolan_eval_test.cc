@@ -8,8 +8,7 @@
 
 #include "base/flat_yaml.h"
 #include "dataset/temp_folder.h"
-#include "dataset/trajectory_io.h"
-#include "geometry/sim3.h"
+#include "dataset/transformed_trajectory.h"
 #include "tools/run_tool.h"
 
 namespace portolan {
@@ -30,16 +29,6 @@ Trajectory Corners(int first, int size, double offset) {
   for (int i = first; i < first + size; ++i) {
     const Eigen::Vector3d corner(i % 4 == 0 || i % 4 == 3 ? 4 : -4, i % 4 < 2 ? 3 : -3, i % 2 == 0 ? offset : -offset);
     trajectory.push_back({Timestamp{i * 100000000LL}, Rigid3d(Eigen::Quaterniond::Identity(), corner), 0});
-  }
-  return trajectory;
-}
-
-/// The trajectory seen from another frame and at another scale.
-Trajectory Transformed(Trajectory trajectory, const Sim3d& b_from_a, int map = 0) {
-  for (TrajectoryPose& pose : trajectory) {
-    pose.world_from_camera =
-        Rigid3d(b_from_a.rotation * pose.world_from_camera.rotation, b_from_a * pose.world_from_camera.translation);
-    pose.map = map;
   }
   return trajectory;
 }
